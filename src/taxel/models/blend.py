@@ -7,6 +7,7 @@ loaded and exported as any network. Knows nothing about how it was chosen.
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass
 from time import perf_counter
 from typing import Any
@@ -17,7 +18,7 @@ from torch.nn import functional
 
 from taxel.errors import BadInput
 from taxel.foreign.json_text import Fields, parse_json
-from taxel.models.heads import HEADS
+from taxel.models.heads import HEADS, TreesHead, walk
 from taxel.models.touch_features import BLOCKS, UNIT, TouchFeatures
 
 EXPERT = "expert"
@@ -149,29 +150,43 @@ class Blend(nn.Module):
             mask: Shape (n, steps).
         """
         sets = [features(values, mask) for features in self.features]
+        given = [(values, mask) if seen is None else (sets[seen],) for seen in self._seen]
         total = None
-        for number, (head, seen) in enumerate(zip(self.heads, self._seen, strict=True)):
-            logits = head(values, mask) if seen is None else head(sets[seen])
+        for number, logits in self._logits(range(len(given)), given).items():
             share = torch.softmax(logits * self.sharpness[number], dim=1) * self.weights[number]
             total = share if total is None else total + share
         assert total is not None
         return self.last * torch.log(total.clamp(min=LEAST_PROBABILITY))
 
-    def part_seconds(self, values: Tensor, mask: Tensor) -> list[float]:
-        """Return the seconds that each part takes here, features included, for comparison.
+    def _logits(
+        self, parts: Sequence[int], given: Sequence[tuple[Tensor, ...]]
+    ) -> dict[int, Tensor]:
+        """Return some parts' logits, shape (n, classes) each, forests walked together.
+
+        Args:
+            parts: Their places.
+            given: What each of all parts sees.
+        """
+        trees = {n: head for n in parts if isinstance(head := self.heads[n], TreesHead)}
+        seen = [given[n][0] for n in trees]
+        walked = walk(tuple(trees.values()), seen) if trees else ()
+        found = dict(zip(trees, walked, strict=True))
+        return {n: found[n] if n in found else self.heads[n](*given[n]) for n in parts}
+
+    def seconds(self, values: Tensor, mask: Tensor, parts: Collection[int]) -> float:
+        """Return what some parts take here together, for comparison: each block computed once.
 
         Args:
             values: Unscaled windows, shape (n, steps, channels).
             mask: Shape (n, steps).
+            parts: Their places.
         """
-        sets = [_timed(features, values, mask) for features in self.features]
-        share = [1.0 / max(1, self._seen.count(number)) for number in range(len(sets))]
-        found = []
-        for head, seen in zip(self.heads, self._seen, strict=True):
-            given = (values, mask) if seen is None else (sets[seen][0],)
-            own = 0.0 if seen is None else share[seen] * sets[seen][1]
-            found.append(own + _timed(head, *given)[1])
-        return found
+        sets = [features(values, mask) for features in self.features]
+        given = [(values, mask) if seen is None else (sets[seen],) for seen in self._seen]
+        plan = read_plan(bytes(self.plan.tolist()))
+        blocks = tuple(dict.fromkeys(name for n in parts for name in plan.parts[n].blocks))
+        of_features = _timed(TouchFeatures(blocks, plan.pads), values, mask) if blocks else 0.0
+        return of_features + _timed(self._logits, sorted(parts), given)
 
     def _load_from_state_dict(self, state_dict: Any, prefix: str, *rest: Any) -> None:
         for name in ("plan", "weights", "sharpness"):
@@ -184,15 +199,15 @@ class Blend(nn.Module):
         super()._load_from_state_dict(state_dict, prefix, *rest)
 
 
-def _timed(module: nn.Module, *inputs: Tensor) -> tuple[Tensor, float]:
-    """Return a module's output, and the seconds of the quickest of a few runs."""
+def _timed(run: Callable[..., object], *inputs: object) -> float:
+    """Return the seconds of the quickest of a few runs."""
     times = []
     with torch.inference_mode():
         for _ in range(_TIMED):
             started = perf_counter()
-            output: Tensor = module(*inputs)
+            run(*inputs)
             times.append(perf_counter() - started)
-    return output, min(times)
+    return min(times)
 
 
 def read_plan(text: bytes) -> Plan:

@@ -7,6 +7,7 @@ and run live as any network. Each `forward` takes features (n, features) and ret
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -91,14 +92,39 @@ class TreesHead(_Tables):
 
     def forward(self, features: Tensor) -> Tensor:
         """Return logits, shape (n, classes)."""
-        features = features.float()
-        place = self.root.long().unsqueeze(0) + torch.zeros_like(features[:, :1]).long()
-        for _ in range(int(self.depth)):
-            value = torch.gather(features, 1, self.column[place].long())
-            below = value <= self.threshold[place]
-            place = torch.where(below, self.left[place], self.right[place]).long()
-        found = self.value[self.leaf[place].long()].float()
-        return torch.log(found.mean(dim=1) + LEAST_SHARE)
+        return walk((self,), (features,))[0]
+
+
+def walk(forests: Sequence[TreesHead], features: Sequence[Tensor]) -> list[Tensor]:
+    """Walk forests side by side: a step of all trees takes hardly longer than one of a few.
+
+    Args:
+        forests: At least one.
+        features: What each sees, shape (n, its features).
+
+    Returns:
+        Each forest's logits, shape (n, classes), as of a walk by itself.
+    """
+    column, after, leaf, root = [], [], [], []
+    columns = nodes = leaves = 0
+    for forest, own in zip(forests, features, strict=True):
+        column.append(forest.column + columns)
+        after.append(torch.stack([forest.right, forest.left], dim=1) + nodes)
+        root.append(forest.root + nodes)
+        leaf.append(forest.leaf + leaves)
+        columns, nodes = columns + own.shape[1], nodes + forest.left.shape[0]
+        leaves += forest.value.shape[0]
+    seen = torch.cat([own.float() for own in features], dim=1)
+    column_of, next_of = torch.cat(column).long(), torch.cat(after).flatten().long()
+    threshold, value = (torch.cat([getattr(f, n) for f in forests]) for n in ("threshold", "value"))
+    place = torch.cat(root).long().unsqueeze(0) + torch.zeros_like(seen[:, :1]).long()
+    for _ in range(max(int(forest.depth) for forest in forests)):
+        goes_left = torch.gather(seen, 1, column_of[place]) <= threshold[place]
+        place = next_of[2 * place + goes_left]
+    found = value[torch.cat(leaf)[place].long()].float()
+    trees = [forest.root.shape[0] for forest in forests]
+    shares = torch.split(found, trees, dim=1)
+    return [torch.log(own.mean(dim=1) + LEAST_SHARE) for own in shares]
 
 
 HEADS: dict[str, type[_Tables]] = {

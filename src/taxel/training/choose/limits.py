@@ -110,17 +110,18 @@ def _units(choice: Choice) -> list[tuple[str, ...] | Candidate]:
 def _dearest(
     choice: Choice, blend: Blend, prepared: Prepared, *, slow: bool
 ) -> tuple[str, tuple[str, ...] | Candidate]:
-    """Return the name and unit of what takes most time, or holds most numbers."""
+    """Return the name and unit of that without which least time is left, or of most numbers."""
     if not slow:
         sizes = [sum(t.numel() for t in head.state_dict().values()) for head in blend.heads]
         heavy = copies(choice)[int(np.argmax(sizes))][0].candidate
         return heavy.name, heavy
-    total: dict[tuple[str, ...] | Candidate, float] = {}
-    each = blend.part_seconds(*_one_window(prepared))
-    for (member, _), seconds in zip(copies(choice), each, strict=True):
-        unit = member.blocks or member.candidate
-        total[unit] = total.get(unit, 0.0) + seconds
-    unit = max(total, key=lambda key: total[key])
+    units = [member.blocks or member.candidate for member, _ in copies(choice)]
+    window = _one_window(prepared)
+    left = {
+        unit: blend.seconds(*window, [n for n, other in enumerate(units) if other != unit])
+        for unit in dict.fromkeys(units)
+    }
+    unit = min(left, key=lambda key: left[key])
     own = [m.candidate for m in choice.members if (m.blocks or m.candidate) == unit]
     return (own[0].name if isinstance(unit, Candidate) else f"every model on {own[0].seen}"), unit
 

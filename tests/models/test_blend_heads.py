@@ -1,0 +1,56 @@
+"""Forests of a blend that are walked together answer as each by itself."""
+
+import numpy as np
+import pytest
+import torch
+
+from taxel.models.blend import Blend, Part, Plan
+from taxel.models.heads import walk
+from taxel.models.touch_features import TouchFeatures, compute_features
+from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.fitting import fit_head
+
+RNG = np.random.default_rng(0)
+SETS = (("level", "shape"), ("level", "shape", "quantiles"), ("mean",))
+PADS = (0, 0, 0, 0)
+
+
+def forests():
+    """Return three forests of unequal depth, what each sees, and the windows."""
+    y = np.arange(60) % 3
+    values = RNG.normal(size=(60, 24, 4)).astype(np.float32)
+    values[:, :, 0] += y[:, None]
+    mask = np.ones((60, 24), bool)
+    seen = [compute_features(blocks, PADS, values, mask) for blocks in SETS]
+    kinds = [("extra-trees", 2.0), ("random-forest", 2.0), ("extra-trees", 10.0)]
+    heads = [
+        fit_head(Candidate("trees", model, "all", leaf), own, y, 3, 0)
+        for (model, leaf), own in zip(kinds, seen, strict=True)
+    ]
+    return heads, [torch.from_numpy(own) for own in seen], values, mask
+
+
+def test_forests_walked_together_answer_as_each_by_itself():
+    heads, seen, _, _ = forests()
+
+    together = walk(heads, seen)
+
+    for head, own, found in zip(heads, seen, together, strict=True):
+        assert torch.equal(found, head(own))
+
+
+def test_blocks_that_parts_have_in_common_are_timed_once(monkeypatch: pytest.MonkeyPatch):
+    heads, _, values, mask = forests()
+    plan = Plan(24, PADS, 3, tuple(Part("trees", blocks) for blocks in SETS))
+    blend = Blend(plan, tuple(heads), (0.5, 0.25, 0.25), (1.0, 1.0, 1.0))
+    timed = []
+
+    def features(blocks: tuple[str, ...], pads: tuple[int, ...]) -> TouchFeatures:
+        timed.append(blocks)
+        return TouchFeatures(blocks, pads)
+
+    monkeypatch.setattr("taxel.models.blend.TouchFeatures", features)
+    spent = blend.seconds(torch.from_numpy(values[:1]), torch.from_numpy(mask[:1]), [0, 1])
+
+    assert timed == [("level", "shape", "quantiles")]
+    assert spent > 0
