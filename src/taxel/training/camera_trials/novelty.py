@@ -16,6 +16,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import svd
 
 from taxel.training.camera_trials.squeezed import Rows, Squeezed
 
@@ -52,7 +53,7 @@ class Novelty:
         columns = np.arange(rows.shape[1]) if columns is None else columns
         squeezed = Squeezed.of(rows[:, columns])
         alike = squeezed.apply(rows[:, columns]).astype(np.float64)
-        _, spread, axes = np.linalg.svd(alike, full_matrices=False)
+        spread, axes = _main_axes(alike)
         count = min(DIRECTIONS, len(rows) - 1, len(axes))
         scale = np.sqrt(len(rows)) / np.maximum(spread[:count], 1e-6)
         directions = (axes[:count].T * scale).astype(np.float32)
@@ -68,6 +69,18 @@ class Novelty:
         at = self.squeezed.apply(rows[:, self.columns]).astype(np.float64) @ self.directions
         far = ((at[:, None] - self.learned[None]) ** 2).sum(axis=2)
         return np.asarray(np.sqrt(np.sort(far, axis=1)[:, : self.nearest]).mean(axis=1))
+
+
+def _main_axes(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return singular values and the axes that belong to them, largest first.
+
+    LAPACK's quick way now and then does not converge where its older, slower one does.
+    """
+    try:
+        _, spread, axes = np.linalg.svd(rows, full_matrices=False)
+    except np.linalg.LinAlgError:
+        _, spread, axes = svd(rows, full_matrices=False, lapack_driver="gesvd")
+    return spread, axes
 
 
 def novelty_columns(widths: Mapping[str, int]) -> NDArray[np.intp]:
