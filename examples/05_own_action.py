@@ -8,8 +8,8 @@ from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import write_bundle
 from taxel.decisions.recognition import UNKNOWN, Decision
 from taxel.live.recogniser import Recogniser
-from taxel.sources.simulated.data_sets import simulate_presets
 from taxel.sources.opening import open_source
+from taxel.sources.simulated.data_sets import simulate_presets
 from taxel.training.final import train_on_all
 from taxel.training.recipes import find_recipe
 from taxel.windows.dataset import load_dataset

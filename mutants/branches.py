@@ -22,8 +22,9 @@ from mutants.stored import store_branches
 GOAL = 0.9
 """Share of branches that tests must take."""
 CAMERA_PATH = (
-    "src/taxel/labels/slip.py", "src/taxel/training/frames/features.py", "src/taxel/training/frames/heads.py",
-    "src/taxel/training/frames/extractors.py", "src/taxel/windows/pairs.py", "src/taxel/windows/rest.py",
+    "src/taxel/labels/slip.py", "src/taxel/training/frames/features.py",
+    "src/taxel/training/frames/heads.py", "src/taxel/training/frames/extractors.py",
+    "src/taxel/windows/pairs.py", "src/taxel/windows/rest.py",
     "src/taxel/windows/sequence.py", "src/taxel/evaluation/transitions/data.py",
     "src/taxel/evaluation/transitions/tables.py", "src/taxel/cli/training/train_monitor.py",
     "src/taxel/evaluation/early_warning/grasp_warnings.py",
