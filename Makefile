@@ -16,7 +16,7 @@ $(INSTALLED): pyproject.toml constraints-cpu.txt
 demo: $(INSTALLED)
 	$(BIN)/taxel demo --seconds 60
 
-# All tests but the slow ones, some 100 that train for long or print the tutorial anew; CI runs both.
+# All tests but some 170 slow ones, which train for long or print the tutorial anew; CI runs both.
 test: $(INSTALLED)
 	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist worksteal -m "not slow"
 

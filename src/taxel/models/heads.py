@@ -118,6 +118,7 @@ def walk(forests: Sequence[TreesHead], features: Sequence[Tensor]) -> list[Tenso
     column_of, next_of = torch.cat(column).long(), torch.cat(after).flatten().long()
     threshold, value = (torch.cat([getattr(f, n) for f in forests]) for n in ("threshold", "value"))
     place = torch.cat(root).long().unsqueeze(0) + torch.zeros_like(seen[:, :1]).long()
+    # A leaf points to itself, so that shallow trees wait for deep ones.
     for _ in range(max(int(forest.depth) for forest in forests)):
         goes_left = torch.gather(seen, 1, column_of[place]) <= threshold[place]
         place = next_of[2 * place + goes_left]

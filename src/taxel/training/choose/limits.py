@@ -110,7 +110,9 @@ def _units(choice: Choice) -> list[tuple[str, ...] | Candidate]:
 def _dearest(
     choice: Choice, blend: Blend, prepared: Prepared, *, slow: bool
 ) -> tuple[str, tuple[str, ...] | Candidate]:
-    """Return the name and unit of that without which least time is left, or of most numbers."""
+    """Return what to give up, its name first: where time lacks, that without which the rest takes
+    least; else the member with most numbers.
+    """
     if not slow:
         sizes = [sum(t.numel() for t in head.state_dict().values()) for head in blend.heads]
         heavy = copies(choice)[int(np.argmax(sizes))][0].candidate
