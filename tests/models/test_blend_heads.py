@@ -1,11 +1,11 @@
-"""Forests of a blend that are walked together answer as each by itself."""
+"""Forests of a blend that are walked together answer as each does, node by node."""
 
 import numpy as np
 import pytest
 import torch
 
 from taxel.models.blend import Blend, Part, Plan
-from taxel.models.heads import walk
+from taxel.models.heads import LEAST_SHARE, walk
 from taxel.models.touch_features import TouchFeatures, compute_features
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.fitting import fit_head
@@ -30,13 +30,30 @@ def forests():
     return heads, [torch.from_numpy(own) for own in seen], values, mask
 
 
-def test_forests_walked_together_answer_as_each_by_itself():
+def by_hand(head, features: np.ndarray) -> np.ndarray:
+    """Return logits, shape (n, classes): node by node, tree by tree."""
+    tables = {name: table.numpy() for name, table in head.state_dict().items()}
+    shares = []
+    for row in features.astype(np.float32):
+        found = []
+        for node in tables["root"]:
+            while tables["left"][node] != node:
+                goes_left = row[tables["column"][node]] <= tables["threshold"][node]
+                node = tables["left" if goes_left else "right"][node]
+            found.append(tables["value"][tables["leaf"][node]].astype(np.float32))
+        shares.append(np.mean(found, axis=0))
+    return np.log(np.array(shares) + LEAST_SHARE)
+
+
+def test_forests_walked_together_answer_as_each_node_by_node():
     heads, seen, _, _ = forests()
 
     together = walk(heads, seen)
 
+    assert len({int(head.depth) for head in heads}) > 1
     for head, own, found in zip(heads, seen, together, strict=True):
         assert torch.equal(found, head(own))
+        assert found.numpy() == pytest.approx(by_hand(head, own.numpy()), abs=1e-5)
 
 
 def test_blocks_that_parts_have_in_common_are_timed_once(monkeypatch: pytest.MonkeyPatch):
