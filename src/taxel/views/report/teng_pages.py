@@ -111,7 +111,9 @@ def _signal(preset: str, folder: Path) -> str:
     if not maps:
         return ""
     head = f"<h2>The signal, preset {text(preset)}</h2>"
-    lines = "".join(png_figure(chart, "One grasp of several presses; all sensors.") for chart in charts)
+    lines = "".join(
+        png_figure(chart, "One grasp of several presses; all sensors.") for chart in charts
+    )
     image = figures.intensity_maps(maps, "V")
     return (
         head + lines + png_figure(image, "One 12 × 12 window of each class, as the 2D CNN sees it.")
