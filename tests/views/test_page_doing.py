@@ -159,5 +159,5 @@ def test_the_next_trial_of_a_plan_is_shown_and_a_person_says_ready(browser):
         assert step == "ready"
         board.show("POUR NOW", "settled: pour now")
         browser.until(f"{DO} === 'POUR NOW'")
-        assert browser.ask("document.getElementById('plansteps').hidden")
+        browser.until("document.getElementById('plansteps').hidden")  # drawn with the next frame
         browser.open("about:blank")
