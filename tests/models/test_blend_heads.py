@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from taxel.models.blend import Blend, Part, Plan
+from taxel.models.blend import DOUBT, Blend, Part, Plan
 from taxel.models.heads import LEAST_SHARE, walk
 from taxel.models.touch_features import TouchFeatures, compute_features
+from taxel.training.choose.blending import doubted, softmax
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.fitting import fit_head
 
@@ -54,6 +55,20 @@ def test_forests_walked_together_answer_as_each_node_by_node():
     for head, own, found in zip(heads, seen, together, strict=True):
         assert torch.equal(found, head(own))
         assert found.numpy() == pytest.approx(by_hand(head, own.numpy()), abs=1e-5)
+
+
+def test_a_blend_is_never_certain_and_says_so_as_it_was_chosen_by():
+    heads, seen, values, mask = forests()
+    plan = Plan(24, PADS, 3, (Part("trees", SETS[0]),))
+    given = torch.from_numpy(values), torch.from_numpy(mask)
+    sharp, plain = (Blend(plan, heads[:1], (1.0,), (1.0,), last) for last in (50.0, 1.0))
+
+    found = softmax(sharp(*given).double().numpy())
+
+    assert found.min() == pytest.approx(DOUBT / 3, rel=1e-3)
+    assert found.max() == pytest.approx(1 - DOUBT * 2 / 3, rel=1e-3)
+    shares = softmax(heads[0](seen[0]).double().detach().numpy())
+    assert softmax(plain(*given).double().numpy()) == pytest.approx(doubted(shares), abs=1e-5)
 
 
 def test_blocks_that_parts_have_in_common_are_timed_once(monkeypatch: pytest.MonkeyPatch):

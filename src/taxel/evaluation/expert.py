@@ -28,7 +28,7 @@ from taxel.training.choose.choice import Choice
 from taxel.training.choose.fit_choice import fit_choice
 from taxel.training.choose.inner_folds import Held, what_is_held
 from taxel.training.choose.kept_tries import KeptTries
-from taxel.training.choose.limits import USUAL_LIMITS, Limits, fit_within
+from taxel.training.choose.limits import USUAL_LIMITS, Fitted, Limits, fit_within
 from taxel.training.choose.preparations import (
     Base,
     Prepared,
@@ -149,14 +149,19 @@ def train_expert(
     kept = KeptTries(tries, {"code": code_digest(), "software": environment(), "seed": seed})
     prepared = prepare_all(base)
     planned = PLANNED * 60.0 * limits.minutes - (perf_counter() - started)
-    budget = Budget(max(0.0, planned), len(folds.folds) * task.check + 1)
+    checked = len(folds.folds) * task.check
+    same = checked == 1 and _trains_on(folds, own)
+    budget = Budget(max(0.0, planned), 1 if same else checked + 1)
     effort = Effort(budget=budget, seed=seed, kept=kept, on_step=on_step)
     on_step("choosing on all data")
     found = choose(base, prepared, own, _held(base, folds), effort)
+    fitted = _fitted(found, own, limits, seed, on_step) if same else None
     nested = None
     if task.check:
-        nested = check_choosing(base, prepared, folds, effort, task.bars, limits)
-    expert = _within(found, own, nested, limits, reject_novel, seed, on_step)
+        known = None if fitted is None else (found, fitted)
+        nested = check_choosing(base, prepared, folds, effort, task.bars, limits, known)
+    fitted = fitted or _fitted(found, own, limits, seed, on_step)
+    expert = _within(found, fitted, own, nested, limits, reject_novel, seed)
     if task.split.given.table is not None:
         both = objects_on_both(base.trials, base.y, folds)
         expert = replace(expert, notes=(*expert.notes, *both))
@@ -172,25 +177,37 @@ def _learned_from(base: Base, folds: Split, split: OuterSplit) -> list[int]:
     return base.own
 
 
+def _trains_on(split: Split, trials: Sequence[int]) -> bool:
+    """Return whether the training side of a split's only fold is these trials."""
+    (fold,) = split.folds
+    return isinstance(fold, TrialFold) and fold.train == set(trials)
+
+
 def _held(base: Base, split: Split) -> Held:
     """Return what a split's first fold holds out."""
     fold = split.folds[0]
     assert isinstance(fold, TrialFold)
-    return what_is_held(base.trials, base.y, sorted(fold.train), sorted(fold.test))
+    return what_is_held(base.trials, base.y, sorted(fold.train), sorted(fold.test), split.key)
+
+
+def _fitted(
+    found: Found, own: Sequence[int], limits: Limits, seed: int, on_step: Callable[[str], None]
+) -> Fitted:
+    """Train on all data; leave out what makes the bundle too large or too slow."""
+    on_step("training what was chosen on all data")
+    return fit_within(found, own, limits, seed=seed)
 
 
 def _within(
     found: Found,
+    fitted: Fitted,
     own: Sequence[int],
     nested: Nested | None,
     limits: Limits,
     reject_novel: float | None,
     seed: int,
-    on_step: Callable[[str], None],
 ) -> Expert:
-    """Train on all data; leave out what makes the bundle too large or too slow."""
-    on_step("training what was chosen on all data")
-    fitted = fit_within(found, own, limits, seed=seed)
+    """Return what was trained on all data, with its costs."""
     base = found.base
     learned = learned_windows(base, found.part.prepared, own)
     run, measured = _run_of(

@@ -30,9 +30,9 @@ from taxel.training.choose.costs import KnownCosts
 from taxel.training.choose.fit_choice import fit_choice, predict_blend
 from taxel.training.choose.inner_folds import what_is_held
 from taxel.training.choose.joining import join
-from taxel.training.choose.limits import USUAL_LIMITS, Limits, fit_within
+from taxel.training.choose.limits import USUAL_LIMITS, Fitted, Limits, fit_within
 from taxel.training.choose.preparations import Base, Prepared
-from taxel.training.choose.search import Effort, choose
+from taxel.training.choose.search import Effort, Found, choose
 from taxel.training.predictions import Predictions
 
 
@@ -97,6 +97,7 @@ def check_choosing(
     effort: Effort,
     bars: Sequence[str] = (),
     limits: Limits = USUAL_LIMITS,
+    known: tuple[Found, Fitted] | None = None,
 ) -> Nested:
     """Choose, train and test in each fold of a split.
 
@@ -107,6 +108,7 @@ def check_choosing(
         effort: Its budget is shared among the folds, a share each.
         bars: Names in `BARS`, which see the windows that were chosen.
         limits: What is judged keeps to the limits of what is shipped.
+        known: What was tried, chosen and trained already on the training side of the only fold.
 
     Raises:
         BadSplit: A fold parts windows, not trials, or leaves too few trials to learn from; or no
@@ -127,11 +129,14 @@ def check_choosing(
         def say(line: str, name: str = fold.name) -> None:
             effort.on_step(f"{name} · {line}")
 
-        held = what_is_held(base.trials, base.y, train, test)
-        tried = choose(base, prepared, train, held, replace(effort, on_step=say))
-        say("training what was chosen")
-        with effort.budget.training():
-            fitted = fit_within(tried, train, limits, seed=effort.seed, cost=costs)
+        if known is not None:
+            tried, fitted = known
+        else:
+            held = what_is_held(base.trials, base.y, train, test, split.key)
+            tried = choose(base, prepared, train, held, replace(effort, on_step=say))
+            say("training what was chosen")
+            with effort.budget.training():
+                fitted = fit_within(tried, train, limits, seed=effort.seed, cost=costs)
         choice, own = fitted.choice, tried.part.prepared
         tested.append(_test(base, fitted.blend, choice, own, test))
         index = tested[-1].index

@@ -111,6 +111,8 @@ class Split:
     folds: tuple[Fold, ...]
     final: Fold | None
     """Development part against the test part; None where all data is in the folds."""
+    key: str | None = None
+    """The group that it was asked to hold out, such as "session"; None where it names none."""
 
 
 def random_windows(dataset: Dataset, target: str, folds: int, seed: int, test: float) -> Split:
@@ -187,7 +189,7 @@ def by_group(
     rest = everyone[groups != last] if final else everyone
     parts = _group_folds(dataset, target, groups, rest, folds, seed)
     final_fold = _fold("test", rest, everyone[groups == last]) if final else None
-    return Split(f"{key} held out", parts, final_fold)
+    return Split(f"{key} held out", parts, final_fold, key)
 
 
 def by_order(dataset: Dataset, key: str, last: float, end: float = np.inf) -> Split:
@@ -211,7 +213,7 @@ def by_order(dataset: Dataset, key: str, last: float, end: float = np.inf) -> Sp
             f"choose a number between {numbers.min():g} and {numbers.max():g}",
         )
     name = f"{key} up to {last:g} → above" + (f", up to {end:g}" if np.isfinite(end) else "")
-    return Split(name, (_fold(name, before, after),), None)
+    return Split(name, (_fold(name, before, after),), None, key)
 
 
 def parse_split(text: str, dataset: Dataset, target: str, folds: int, seed: int) -> Split:

@@ -131,7 +131,7 @@ def split_by_table(
     refuse_twice(table.name, [trial.groups["trial"] for trial in dataset.trials],
                  [sum(i in fold.test for fold in folds) for i in range(len(dataset.trials))],
                  )  # fmt: skip
-    return Split(table.split, tuple(folds), None)
+    return Split(table.split, tuple(folds), None, table.rows[0].key)
 
 
 def trials_to_score(

@@ -25,6 +25,9 @@ EXPERT = "expert"
 """What a contract calls such a model."""
 LEAST_PROBABILITY = 1e-6
 """Source: our choice, docs/decisions/0039."""
+DOUBT = 0.005
+"""Share of its certainty that a blend spreads over all classes: no recordings show that touch of a
+kind never met is recognised more surely. Source: our choice, docs/decisions/0039."""
 NETWORK = "network:"
 """Begins the name of a head that is a network of the catalogue."""
 _MOST_MEMBERS = 64
@@ -101,7 +104,8 @@ def thinned(values: Tensor, mask: Tensor, rows: int) -> tuple[Tensor, Tensor]:
 
 
 class Blend(nn.Module):
-    """Members' probabilities, each at its own temperature, weighted; one temperature on all.
+    """Members' probabilities, each at its own temperature, weighted; one temperature on all, and
+    the rest of doubt that always stays.
 
     Args:
         plan: What it consists of; None for one whose weights are about to be loaded.
@@ -156,7 +160,8 @@ class Blend(nn.Module):
             share = torch.softmax(logits * self.sharpness[number], dim=1) * self.weights[number]
             total = share if total is None else total + share
         assert total is not None
-        return self.last * torch.log(total.clamp(min=LEAST_PROBABILITY))
+        sure = torch.softmax(self.last * torch.log(total.clamp(min=LEAST_PROBABILITY)), dim=1)
+        return torch.log((1.0 - DOUBT) * sure + DOUBT / sure.shape[1])
 
     def _logits(
         self, parts: Sequence[int], given: Sequence[tuple[Tensor, ...]]

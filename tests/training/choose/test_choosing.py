@@ -10,6 +10,8 @@ import torch
 
 from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.expert import Task, train_expert
+from taxel.evaluation.outer_split import OuterSplit
+from taxel.evaluation.table_split import Elsewhere
 from taxel.models.blend import Blend, read_plan
 from taxel.models.touchnet import TouchNet
 from taxel.recordings.imports.importing import ImportRow, import_rows
@@ -160,6 +162,25 @@ def test_by_default_another_session_is_recognised_and_its_bundle_equals_it(exper
     assert expert.nested.scores.scores.accuracy > 0.9
     assert expert.measured.mb < 20
     assert expert.measured.parity < 1e-5
+
+
+def test_one_training_part_is_chosen_for_once_and_its_own_choice_is_scored(
+    recordings: Path, tmp_path: Path
+):
+    table = tmp_path / "folds.csv"
+    sides = {"s0": "train", "s1": "train", "s2": "train", "s3": "test"}
+    table.write_text("group:session,side\n" + "".join(f"{s},{o}\n" for s, o in sides.items()))
+    said: list[str] = []
+
+    found = train_expert(
+        Task(data=recordings, target="kind", split=OuterSplit(given=Elsewhere(table=table))),
+        Limits(minutes=0.05), on_step=said.append,
+    )  # fmt: skip
+
+    assert found.nested.choices == (found.choice,)
+    assert said.count("choosing on all data") == 1
+    assert not [line for line in said if line.startswith("test · ")]
+    assert found.nested.scores.scores.accuracy > 0.9
 
 
 def test_a_choice_that_was_written_can_be_repeated(expert, recordings: Path, tmp_path: Path):

@@ -38,6 +38,22 @@ def test_the_coarsest_group_that_is_new_on_the_test_side_is_what_is_held_out():
     assert what_is_held(own, ONE_CLASS[: len(own)], train, test) == Held("object")
 
 
+def test_the_group_that_a_split_names_is_held_out_though_a_coarser_one_is_new_too():
+    """The authors' own parts, as a column of many data sets gives them, are few."""
+    own = trials(object=[f"o{i // 2}" for i in range(16)],
+                 part=[["a", "b", "c", "test"][i // 4] for i in range(16)])  # fmt: skip
+    sides = range(12), range(12, 16)
+
+    assert what_is_held(own, ONE_CLASS[:16], *sides) == Held("part")
+    assert what_is_held(own, ONE_CLASS[:16], *sides, "object") == Held("object")
+
+
+def test_a_named_group_that_is_on_both_sides_is_not_what_is_held_out():
+    own = trials(object=[f"o{i // 4}" for i in range(16)], hand=["left", "right"] * 8)
+
+    assert what_is_held(own, ONE_CLASS[:16], range(12), range(12, 16), "hand") == Held("object")
+
+
 def test_of_groups_that_part_alike_the_session_is_named():
     days = ["mon"] * 4 + ["tue"] * 4 + ["wed"] * 4 + ["thu"] * 4
     own = trials(celsius=[{"m": "18", "t": "21", "w": "19"}[day[0]] + day for day in days],

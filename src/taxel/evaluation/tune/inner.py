@@ -50,7 +50,7 @@ def folds_inside(opened: Opened, target: str, outer: int | None) -> list[TrialFo
     train = range(len(trials)) if outer is None else sorted(first.train)
     names = opened.dataset.classes(target)
     y = np.array([names.index(trial.labels[target]) for trial in trials], np.intp)
-    held = what_is_held(trials, y, sorted(first.train), sorted(first.test))
+    held = what_is_held(trials, y, sorted(first.train), sorted(first.test), split.key)
     place, own = inner_folds(trials, y, train, held), np.asarray(train, np.intp)
     return [
         TrialFold(

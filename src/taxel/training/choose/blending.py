@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from taxel.models.blend import DOUBT
+
 LEAST = 1e-6
 """Probabilities are cut here before the logarithm. Source: our choice, 0039."""
 SHARPNESS = np.geomspace(0.05, 200.0, 100)
@@ -64,6 +66,11 @@ def softmax(logits: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return probabilities, shape (n, classes)."""
     found = np.exp(logits - logits.max(axis=1, keepdims=True))
     return np.asarray(found / found.sum(axis=1, keepdims=True))
+
+
+def doubted(probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a blend's probabilities, shape (n, classes), with the doubt that always stays."""
+    return np.asarray((1.0 - DOUBT) * probabilities + DOUBT / probabilities.shape[1])
 
 
 def losses(probabilities: NDArray[np.float64], y: NDArray[np.intp]) -> NDArray[np.float64]:

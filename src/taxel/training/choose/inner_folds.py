@@ -64,19 +64,25 @@ def _values(trials: Sequence[Trial], key: str) -> NDArray[np.str_]:
 
 
 def what_is_held(
-    trials: Sequence[Trial], y: NDArray[np.intp], train: Sequence[int], test: Sequence[int]
+    trials: Sequence[Trial],
+    y: NDArray[np.intp],
+    train: Sequence[int],
+    test: Sequence[int],
+    named: str | None = None,
 ) -> Held:
-    """Return the coarsest group of which a split holds out whole values.
+    """Return the group of which a split holds out whole values: the one it names, or the coarsest.
 
-    Of groups that part the trials alike, as a session and its temperature do, a usual one. Later
-    trials are held out where in each class the group's values are numbers, and the tested ones
-    larger than all that are learned from.
+    The authors' own parts of a data set may be new on the test side, too, although the split is by
+    object: the group that the split names comes first. Of groups that part the trials alike, as a
+    session and its temperature do, a usual one. Later trials are held out where in each class the
+    group's values are numbers, and the tested ones larger than all that are learned from.
 
     Args:
         trials: All of them.
         y: Their class numbers, shape (trials,).
         train: Indices of the training side.
         test: Indices of the other.
+        named: The group that the split was asked to hold out, if any.
     """
     common = set.intersection(*(set(trials[i].groups) for i in (*train, *test)))
     found = []
@@ -86,7 +92,7 @@ def what_is_held(
         ordered = _later(key, trials, y, train, test)
         grouped = 3 <= len(own) <= len(train) / 2
         if not own & others and (grouped or (ordered and len(own) >= 3)):
-            found.append((len(own), key not in USUAL_GROUPS, key, ordered))
+            found.append((key != named, len(own), key not in USUAL_GROUPS, key, ordered))
     if not found:
         return Held(None)
     *_, key, ordered = min(found)

@@ -22,6 +22,7 @@ from taxel.decisions.joining import Joining
 from taxel.errors import BadSplit
 from taxel.training.choose.blending import (
     LEAST,
+    doubted,
     fit_last,
     fit_sharpness,
     joined,
@@ -321,7 +322,7 @@ class Found:
         found = mix(probabilities, kinds, camps, freedom, y, groups)
         whole = np.log(np.maximum(joined(probabilities, found), LEAST))
         last = fit_last(whole, y, len(set(trial)), later=self.held.ordered)
-        final = softmax(last * whole)
+        final = doubted(softmax(last * whole))
         weight = {id(tried[i]): w for i, w in zip(found.members, found.weights, strict=True)}
         single = len(set(trial)) == len(trial)
         return Choice(
