@@ -41,6 +41,14 @@ def step(cell: str) -> NamePattern:
         ("{label:a}.(csv)+", "x.(csv)+", {"label:a": "x"}),
         ("caf\u00e9_{label:a}.csv", "caf\u00e9_\u00e9.csv", {"label:a": "\u00e9"}),
         ("{label:a}_1.csv", "x\ny_1.csv", {"label:a": "x\ny"}),
+        ("{label:a}{digits}.csv", "bottle12.csv", {"label:a": "bottle"}),
+        ("{label:a}{group:n:digits}.csv", "b2b_012.csv", {"label:a": "b2b_", "group:n": "012"}),
+        ("{label:a}{group:n:digits}.csv", "bottle.csv", None),
+        ("{label:a}{digits}.csv", "12.csv", None),
+        ("{digits}{label:a}_*.csv", "12cup_3.csv", {"label:a": "cup"}),
+        ("trial{ group:n : digits }.csv", "trial7b.csv", None),
+        ("t1{group:n:digits}.csv", "t12.csv", None),
+        ("*{group:n:digits}{label:a}.csv", "3cup.csv", {"group:n": "3", "label:a": "cup"}),
     ],
 )  # fmt: skip
 def test_a_part_takes_as_little_as_it_can_from_the_left(cell, name, read):
@@ -86,6 +94,17 @@ def test_a_name_is_read_as_by_a_regular_expression_that_tries_all_ways(
         assert step(cell).read_from_right(name) == oracle("")
 
 
+@given(st.text("ab_1", min_size=1, max_size=6), st.integers(0, 999), st.sampled_from(["", "x"]))
+def test_a_number_beside_a_part_is_read_whole_and_in_one_way(text, number, tail):
+    pattern, name = step("{label:a}{group:n:digits}" + tail + ".csv"), f"{text}{number}{tail}.csv"
+    letters = text.rstrip("1")
+    read = {"label:a": letters, "group:n": name[len(letters) : len(name) - len(tail) - 4]}
+
+    assert pattern.read(name) == (read if letters else None)
+    if letters:
+        assert pattern.read_from_right(name) == read
+
+
 @given(st.lists(st.text("abc1", min_size=1, max_size=5), min_size=1, max_size=4))
 def test_values_that_hold_no_separator_come_back_as_they_were_and_in_one_way(values):
     cell = "_".join(f"{{label:{i}}}" for i in range(len(values))) + ".csv"
@@ -114,6 +133,10 @@ def test_no_name_takes_long():
         ("{label:a/b}.csv", "got '{'"),
         ("{label:a}{label:b}.csv", r"got {label:a}{label:b} in line 2; write what stands between"),
         ("{label:a}*.csv", r"got {label:a}\*"),
+        ("{label:a}{label:b}.csv", "say which of them is a number, as {group:take:digits}"),
+        ("{group:a:digits}{digits}.csv", r"got {group:a}\*"),
+        ("{digit}.csv", "got '{digit}'"),
+        ("{label::digits}.csv", "got '{label::digits}'"),
         ("{label:a}?{label:b}.csv", r"got {label:a}\?{label:b}"),
         ("**/{label:a}.csv", r"got \*\* in line 2; write \*/ for each folder"),
         ("{label:a}/{label:a}_1.csv", r"got {label:a} twice in line 2; write \* for one of them"),

@@ -230,7 +230,10 @@ def _over(measured: Measured, limits: Limits) -> tuple[str, ...]:
             "measure again on a machine with nothing else to do, or raise the limit"
         )
     if measured.mb > limits.most_mb:
-        over.append(f"the bundle has {measured.mb:.1f} MB, more than --max-mb {limits.most_mb:g}")
+        over.append(
+            f"the bundle has {measured.mb:.1f} MB, more than --max-mb {limits.most_mb:g}, with a "
+            "single model: raise the limit, or name fewer --channels"
+        )
     return tuple(over)
 
 

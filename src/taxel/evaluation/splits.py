@@ -16,9 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
+from taxel.evaluation.first_share import first_share
 from taxel.windows.checks import MORE_WINDOWS, no_window
 from taxel.windows.dataset import Dataset, with_joined_label
 
+NAMED = "random, group:KEY, order:KEY:LAST, order:KEY:LAST:END or order:KEY:70%"
+"""What may be named."""
 _TRIES = 50
 """Seeds tried until every training part holds every class."""
 
@@ -216,8 +219,28 @@ def by_order(dataset: Dataset, key: str, last: float, end: float = np.inf) -> Sp
     return Split(name, (_fold(name, before, after),), None, key)
 
 
+def by_share(dataset: Dataset, target: str, key: str, text: str) -> Split:
+    """Train on the first of the numbered groups, a share of the trials; test on the later ones.
+
+    Args:
+        dataset: Windows to split.
+        target: The label.
+        key: A group of numbers.
+        text: The share, such as "70%".
+
+    Raises:
+        BadSplit: The group is not a number, the share not between 0 and 100 %, or one side is
+            empty.
+    """
+    y = np.array([trial.labels[target] for trial in dataset.trials])
+    first, name = first_share(key, dataset.group(key), y, text)
+    return Split(name, (TrialFold.of(name, np.flatnonzero(first), np.flatnonzero(~first)),),
+                 None, key)  # fmt: skip
+
+
 def parse_split(text: str, dataset: Dataset, target: str, folds: int, seed: int) -> Split:
-    """Return the split that a text names: "random", "group:KEY" or "order:KEY:LAST[:END]".
+    """Return the split that a text names: "random", "group:KEY", "order:KEY:LAST[:END]" or
+    "order:KEY:70%".
 
     Raises:
         BadSplit: The text names none, or the data cannot be split so.
@@ -227,6 +250,8 @@ def parse_split(text: str, dataset: Dataset, target: str, folds: int, seed: int)
         return random_windows(dataset, target, folds, seed, test=0.0)
     if words[0] == "group" and len(words) == 2:
         return by_group(dataset, target, words[1], folds, seed)
+    if words[0] == "order" and len(words) == 3 and words[2].endswith("%"):
+        return by_share(dataset, target, words[1], words[2])
     if words[0] == "order" and len(words) in (3, 4):
         try:
             limits = [float(word) for word in words[2:]]
@@ -234,11 +259,11 @@ def parse_split(text: str, dataset: Dataset, target: str, folds: int, seed: int)
             limits = []
         if limits:
             return by_order(dataset, words[1], *limits)
+    known = sorted({key for trial in dataset.trials for key in trial.groups})
     raise BadSplit(
-        "a split: random, group:KEY, order:KEY:LAST or order:KEY:LAST:END",
-        repr(text),
-        "for example group:session",
-    )
+        f"a split: {NAMED}", repr(text),
+        f"say group:{text}" if text in known else f"groups are {', '.join(known)}",
+    )  # fmt: skip
 
 
 def _group_folds(

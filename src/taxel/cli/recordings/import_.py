@@ -37,7 +37,7 @@ class Import:
     iso for time stamps), or rate:100Hz; and optionally sensor (its name), full_scale (where it
     saturates) and layout (csv, icub, or module.py:function). If file names contain labels, one row
     may name all files that match a pattern: {group:session}/{label:object}_trial*.csv; * and ?
-    match the rest.
+    match the rest, {digits} a whole number.
 
     One row may also name a file of many trials: a stacked .npy, or a .npz, MATLAB (.mat) or
     HDF5 (.h5, .hdf5) file. Then trials names the array that holds them (X, or trials/*/force for

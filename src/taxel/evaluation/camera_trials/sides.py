@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
+from taxel.evaluation.first_share import first_share
 from taxel.evaluation.fold_table import FoldRow, FoldTable, read_fold_table, refuse_twice
 from taxel.evaluation.shared_values import on_both_sides
 from taxel.evaluation.splits import TrialFold
@@ -48,7 +49,8 @@ def split_trials(
     seed: int,
     classes: Sequence[str] = (),
 ) -> TrialSplit:
-    """Return the split that a text names: split, group:KEY, order:KEY:LAST or random.
+    """Return the split that a text names: split, group:KEY, order:KEY:LAST, order:KEY:70% or
+    random.
 
     Without a text: the trials' own column `split` where it names test trials, else by object, by
     session, or by what else groups them.
@@ -72,6 +74,9 @@ def split_trials(
         return _one("test trials given", groups, y, held)
     if words[0] == "group" and len(words) == 2:
         return _by_group(groups, y, words[1], (folds, seed), classes)
+    if words[0] == "order" and len(words) == 3 and words[2].endswith("%"):
+        first, name = first_share(words[1], values_of(groups, words[1]), y, words[2])
+        return _one(name, groups, y, ~first)
     if words[0] == "order" and len(words) == 3:
         return _by_order(groups, y, words[1], words[2])
     if words == ["random"]:
@@ -79,8 +84,10 @@ def split_trials(
         parts = _folds(names, y, (folds, seed), classes)
         return TrialSplit("random trials", parts, interval_group(groups) or "trial")
     raise BadSplit(
-        "a split: group:KEY, order:KEY:LAST, random, or split for the column of that name",
-        repr(text), f"groups are {', '.join(_shared(groups)) or 'none'}",
+        "a split: group:KEY, order:KEY:LAST, order:KEY:70%, random, or split for the column of "
+        "that name", repr(text),
+        f"say group:{text}" if text in _shared(groups)
+        else f"groups are {', '.join(_shared(groups)) or 'none'}",
     )  # fmt: skip
 
 

@@ -196,7 +196,8 @@ def coloured(footage: Footage) -> Iterator[NDArray[np.uint8]]:
         if number == min(4, footage.count - 1) and colour < _GREY:
             raise BadTable(
                 "colour frames", f"grey ones in {footage.path}",
-                "use the sensor's own colour stream",
+                "use the sensor's own colour stream; or do not import camera trials: taxel "
+                "train-trials takes their table as it is, grey or not",
             )  # fmt: skip
         yield rgb
 

@@ -2,8 +2,9 @@ r"""Patterns of file names with labels in them, as {label:object}_{group:force}_
 
 A part in braces is named like the column of the import table that it fills in. `*` stands for
 anything, also nothing, and `?` for one character. A part takes as little of the name as it can,
-from the left, at least one character, and never a slash. Knows nothing about which files there
-are (matched_files.py).
+from the left, at least one character, and never a slash. {digits} stands for a whole number, and
+{group:take:digits} reads one: these may stand right beside another part, as in bottle12.csv. Knows
+nothing about which files there are (matched_files.py).
 
 Background of our choices: docs/decisions/0011.
 """
@@ -25,8 +26,11 @@ ANY = "*"
 """A part that says nothing."""
 HIDDEN = "."
 """What the names of hidden files begin with, such as the ._cup.csv that macOS leaves on sticks."""
+DIGITS = "digits"
+"""In braces a whole number that says nothing; behind a column's name, that its part is one."""
 _TOKENS = re.compile(r"(\{[^{}]*\})|(\*)|([{}])|([^{}*]+)")
 _KINDS = ("label:", "group:")
+_NUMBER = "(?<![0-9])([0-9]+)(?![0-9])"
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +41,8 @@ class NamePattern:
     """What stands before, between and behind the parts, one more than these; ? is any character."""
     parts: tuple[str, ...]
     """Column of each part, as label:object; * for one that says nothing."""
+    numbers: tuple[bool, ...]
+    """Whether each part is a whole number."""
 
     def read(self, name: str) -> dict[str, str] | None:
         """Return column → its value in a name; None if the name does not match.
@@ -46,13 +52,13 @@ class NamePattern:
         """
         if name.startswith(HIDDEN) and not self.texts[0].startswith(HIDDEN):
             return None
-        found = _expression(self.texts, self.parts).fullmatch(name)
+        found = _expression(self.texts, self.parts, self.numbers).fullmatch(name)
         return None if found is None else self._named(found.groups())
 
     def read_from_right(self, name: str) -> dict[str, str]:
         """Return the other reading of a name that matches: the same where there is only one."""
         texts = tuple(text[::-1] for text in reversed(self.texts))
-        found = _expression(texts, self.parts[::-1]).fullmatch(name[::-1])
+        found = _expression(texts, self.parts[::-1], self.numbers[::-1]).fullmatch(name[::-1])
         assert found is not None, "what matches from the left matches from the right"
         return self._named([value[::-1] for value in reversed(found.groups())])
 
@@ -101,45 +107,57 @@ def pattern_of(cell: str, where: str) -> FilePattern | None:
 def _step(name: str, where: str) -> str | NamePattern:
     if not any(sign in name for sign in "{}*?"):
         return name
-    texts, parts = [""], []
+    texts, parts, numbers = [""], [], []
     for token in _tokens(name):
         if token == ANY or token.startswith("{"):
-            parts.append(token if token == ANY else _column(token, where))
+            column, number = (ANY, False) if token == ANY else _column(token, where)
+            parts.append(column)
+            numbers.append(number)
             texts.append("")
         elif token == "}":
             raise _no_part(token, where)
         else:
             texts[-1] += composed(token)
-    for (first, second), text in zip(pairwise(parts), texts[1:-1], strict=True):
-        if not text.strip("?"):
+    pairs = zip(pairwise(parts), pairwise(numbers), texts[1:-1], strict=True)
+    for (first, second), kinds, text in pairs:
+        apart = text.strip("?") or (not text and len(set(kinds)) == 2)
+        if not apart:
             folders = first == second == ANY
             raise BadTable(
                 "something of the name between two parts, as in {label:object}_{group:session}",
                 f"{_shown(first)}{text}{_shown(second)} in {where}",
-                "write */ for each folder" if folders else "write what stands between them, or "
-                "make one part of both",
+                "write */ for each folder" if folders else "write what stands between them, make "
+                "one part of both, or say which of them is a number, as {group:take:digits}",
             )  # fmt: skip
-    return NamePattern(tuple(texts), tuple(parts))
+    return NamePattern(tuple(texts), tuple(parts), tuple(numbers))
 
 
 def _tokens(name: str) -> Iterator[str]:
     return (match[0] for match in _TOKENS.finditer(name))
 
 
-def _column(token: str, where: str) -> str:
-    """Return the column that a part in braces names, as the table's header would spell it."""
-    name = column_name(token[1:-1], ())
+def _column(token: str, where: str) -> tuple[str, bool]:
+    """Return the column that a part in braces names, as the table's header would spell it, and
+    whether it is a number; `ANY` for one that says nothing.
+    """
+    own = token[1:-1].strip()
+    if own == DIGITS:
+        return ANY, True
+    before, _, last = own.rpartition(":")
+    number = last.strip() == DIGITS
+    name = column_name(before if number else own, ())
     kind = name.partition(":")[0] + ":"
     if token == "{" or kind not in _KINDS or name == kind:
         raise _no_part(token, where)
-    return name
+    return name, number
 
 
 def _no_part(token: str, where: str) -> BadTable:
     own = token.strip("{}").strip()[:40]
     named = own if own and ":" not in own else "object"
     return BadTable(
-        "a file that is there, or a pattern whose parts are {label:NAME}, {group:NAME}, * and ?",
+        "a file that is there, or a pattern whose parts are {label:NAME}, {group:NAME}, {digits}, "
+        "* and ?",
         f"{token[:80]!r} in the column 'file' in {where}",
         f"write it as {{label:{named}}} or {{group:{named}}}",
     )
@@ -150,16 +168,23 @@ def _shown(part: str) -> str:
 
 
 @lru_cache
-def _expression(texts: tuple[str, ...], parts: tuple[str, ...]) -> re.Pattern[str]:
+def _expression(
+    texts: tuple[str, ...], parts: tuple[str, ...], numbers: tuple[bool, ...]
+) -> re.Pattern[str]:
     """Return the regular expression of a pattern.
 
     Each part ends where the text behind it first comes, for good (an atomic group): this gives
-    the same as trying all ways from the shortest on, in a time that no name can make long.
+    the same as trying all ways from the shortest on, in a time that no name can make long. A part
+    right before a number ends where number and text first come.
     """
-    made, last = _plain(texts[0]), len(parts) - 1
-    for place, (part, text) in enumerate(zip(parts, texts[1:], strict=True)):
-        own = ("(.*?)" if part == ANY else "(.+?)") + _plain(text)
-        made += own if place == last else f"(?>{own})"
+    made, last, begun = _plain(texts[0]), len(parts) - 1, ""
+    for place, (part, number, text) in enumerate(zip(parts, numbers, texts[1:], strict=True)):
+        begun += _NUMBER if number else "(.*?)" if part == ANY else "(.+?)"
+        if place < last and not text and numbers[place + 1]:
+            continue
+        begun += _plain(text)
+        made += begun if place == last else f"(?>{begun})"
+        begun = ""
     return re.compile(made, re.DOTALL)
 
 

@@ -1,0 +1,63 @@
+"""Later trials are tested, a share of them: whole numbers, and of each class where it needs be."""
+
+import numpy as np
+import pytest
+from make_dataset import make_dataset
+
+from taxel.errors import BadSplit
+from taxel.evaluation.camera_trials.sides import split_trials
+from taxel.evaluation.first_share import first_share
+from taxel.evaluation.splits import parse_split
+
+
+def test_trials_of_one_number_stay_together():
+    numbers = np.array(["1", "1", "2", "2", "10", "10", "10", "10"])
+
+    first, name = first_share("day", numbers, np.arange(8) % 2, "60%")
+
+    assert first.tolist() == [True] * 4 + [False] * 4
+    assert name == "day, first 60 % → later"
+
+
+def test_of_classes_recorded_one_after_another_the_first_of_each_is_trained_on():
+    y = np.repeat(["mug", "can"], 10)
+
+    first, name = first_share("n", np.arange(20).astype(str), y, "70%")
+
+    assert first.tolist() == ([True] * 7 + [False] * 3) * 2
+    assert "of each class" in name
+
+
+@pytest.mark.parametrize("text", ["0%", "100%", "x%", "-3%"])
+def test_a_share_that_is_none_is_refused(text: str):
+    with pytest.raises(BadSplit, match="between 0% and 100%"):
+        first_share("n", np.arange(4).astype(str), np.arange(4) % 2, text)
+
+
+def test_text_and_a_single_number_in_each_class_are_refused():
+    y = np.arange(4) % 2
+    with pytest.raises(BadSplit, match="numbers in the group 'day'"):
+        first_share("day", np.array(["mon", "tue"] * 2), y, "50%")
+    with pytest.raises(BadSplit, match="two or more numbers"):
+        first_share("day", np.array(["1", "2"] * 2), y, "50%")
+
+
+def test_arrays_and_cameras_take_a_share():
+    dataset = make_dataset()
+    (fold,) = parse_split("order:number:50%", dataset, "shape", 5, 0).folds
+    numbers = dataset.group("number").astype(float)
+
+    assert fold.train and fold.test
+    assert numbers[sorted(fold.train)].max() < numbers[sorted(fold.test)].min()
+    groups = [{"take": str(i)} for i in range(10)]
+    (sides,) = split_trials(groups, np.arange(10) % 2, "order:take:60%", 5, 0).folds
+    assert sides.test == {6, 7, 8, 9}
+
+
+def test_a_group_named_without_its_word_is_advised():
+    with pytest.raises(BadSplit, match="say group:session"):
+        parse_split("session", make_dataset(), "shape", 5, 0)
+    with pytest.raises(BadSplit, match="groups are "):
+        parse_split("sessions", make_dataset(), "shape", 5, 0)
+    with pytest.raises(BadSplit, match="say group:take"):
+        split_trials([{"take": "1"}, {"take": "2"}], np.arange(2), "take", 5, 0)
