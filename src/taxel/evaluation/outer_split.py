@@ -5,14 +5,14 @@ Knows nothing about how anything is chosen.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.evaluation.splits import Split, TrialFold, parse_split
+from taxel.evaluation.splits import Fold, Split, TrialFold, parse_split
 from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere, split_elsewhere
 from taxel.evaluation.usual_split import usual_split
 from taxel.training.choose.preparations import Base
@@ -39,6 +39,8 @@ class OuterSplit:
     def of(self, base: Base) -> Split:
         """Return the folds of recordings.
 
+        A table's validation trials are learned from: inner folds choose.
+
         Raises:
             BadSplit: They cannot be split so.
             BadTable: The table cannot be read, or names what is not there.
@@ -46,7 +48,8 @@ class OuterSplit:
         if self.folds < 2:
             raise BadSplit("at least two folds", str(self.folds), "choose more folds")
         if self.given.table is not None:
-            return split_elsewhere(base.path, base.dataset, base.target, self.given)[1]
+            split = split_elsewhere(base.path, base.dataset, base.target, self.given)[1]
+            return replace(split, folds=tuple(_with_validation(fold) for fold in split.folds))
         if self.named is None and base.test is not None:
             return _other_folder(base, base.test)
         if self.named is None:
@@ -56,6 +59,13 @@ class OuterSplit:
 
 USUAL = OuterSplit()
 """The coarsest groups held out."""
+
+
+def _with_validation(fold: Fold) -> Fold:
+    """Return a fold whose validation trials are in its training part."""
+    if not isinstance(fold, TrialFold):
+        return fold
+    return TrialFold(fold.name, fold.train | fold.validation, fold.test)
 
 
 def check_training_parts(base: Base, split: Split) -> None:

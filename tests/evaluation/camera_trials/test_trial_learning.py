@@ -16,6 +16,7 @@ from trial_makers import (
     write_trials,
 )
 
+import taxel.training.camera_trials.blend as blending
 from taxel.bundles.engine import open_engine
 from taxel.evaluation.camera_trials.crossval import (
     OURS,
@@ -103,6 +104,23 @@ def test_the_exported_blend_gives_what_the_trained_one_gives(classes: int) -> No
     output = model.run(rows=learning.rows)
     assert output[:, :-1] == pytest.approx(blend.crops(learning.rows), abs=1e-5)
     assert output[:, -1] == pytest.approx(blend.novelty.measure(learning.rows), abs=1e-3)
+
+
+def test_forests_of_too_many_nodes_keep_their_first_trees(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that a bundle of many trials stays small; what is trained and what is exported agree."""
+    trials = some_trials()
+    learning = trials.learning(trials.rows, "object")
+    whole = fit_blend(learning, trials.cameras, trials.widths, 0, MEMBERS[:1]).fitted[0]
+    nodes = [tree.tree_.node_count for tree in whole.estimators_]
+    monkeypatch.setattr(blending, "MOST_NODES", sum(nodes) // 4)
+
+    blend = fit_blend(learning, trials.cameras, trials.widths, 0, MEMBERS[:1])
+
+    kept = blend.fitted[0].estimators_
+    assert len(kept) == len(nodes) // 4
+    assert [tree.tree_.node_count for tree in kept] == nodes[: len(kept)]
+    exported = open_engine(blend_to_onnx(blend, learning.rows.shape[1])).run(rows=learning.rows)
+    assert exported[:, :-1] == pytest.approx(blend.crops(learning.rows), abs=1e-5)
 
 
 def test_weights_favour_the_member_that_is_right_and_sum_to_one() -> None:

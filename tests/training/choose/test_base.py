@@ -7,6 +7,8 @@ import pytest
 
 from taxel.evaluation.expert import learned_windows
 from taxel.evaluation.outer_split import OuterSplit
+from taxel.evaluation.splits import TrialFold
+from taxel.evaluation.table_split import Elsewhere
 from taxel.recordings.imports.importing import ImportOptions, ImportRow, import_rows, import_table
 from taxel.training.choose.preparations import (
     Base,
@@ -42,6 +44,22 @@ def test_objects_or_persons_are_held_out_where_no_session_is_known(tmp_path: Pat
     for fold in split.folds:
         held = {base.trials[i].groups[group] for i in fold.test}
         assert not held & {base.trials[i].groups[group] for i in fold.train}
+
+
+def test_a_tables_validation_trials_are_learned_from_for_inner_folds_choose(tmp_path: Path):
+    base = marked_set(tmp_path, 40)
+    names = [trial.groups["trial"] for trial in base.trials]
+    sides = ["test", "validation", *["train"] * (len(names) - 2)]
+    table = tmp_path / "folds.csv"
+    lines = [f"{name},{side}" for name, side in zip(names, sides, strict=True)]
+    table.write_text("\n".join(["group:trial,side", *lines]) + "\n")
+
+    (fold,) = OuterSplit(given=Elsewhere(table=table)).of(base).folds
+
+    assert isinstance(fold, TrialFold)
+    assert fold.test == {0}
+    assert fold.train == set(range(1, len(names)))
+    assert not fold.validation
 
 
 def test_lost_scans_do_not_shorten_a_trial(tmp_path: Path):

@@ -33,6 +33,9 @@ from taxel.windows.trial_mirrors import Mirror, mirrors
 TREES: Final = 400
 INNER_TREES: Final = 150
 """Of a forest that is kept, and of one on an inner fold. Source: our choice, decision 41."""
+MOST_NODES: Final = 1_000_000
+"""Of all forests that are kept: beyond it they have fewer trees, so that a bundle stays within some
+20 MB. Source: 16 bytes a node of 22 classes, packed; decision 41."""
 INNER_FOLDS: Final = 5
 LEAST_WEIGHT: Final = 0.04
 """A member below it is left out. Source: our choice."""
@@ -197,9 +200,11 @@ def fit_blend(
         inner["blend"] = log_loss(sharpened(mixed, sharpness), y)
     kept = np.flatnonzero(weights)
     on_step("all trials")
+    fitted = tuple(_fit(members[i], learning, columns[i], images, seed, TREES) for i in kept)
+    _thin_out(fitted)
     return TrialBlend(
         members=tuple(members[i] for i in kept),
-        fitted=tuple(_fit(members[i], learning, columns[i], images, seed, TREES) for i in kept),
+        fitted=fitted,
         columns=tuple(columns[i] for i in kept),
         weights=weights[kept],
         sharpness=sharpness,
@@ -228,6 +233,17 @@ def _fit(
         seen += [image.apply(own.rows, columns) for own in crops]
         trial += [own.trial for own in crops]
     return member.make(seed, trees).fit(np.concatenate(seen), learning.y[np.concatenate(trial)])
+
+
+def _thin_out(fitted: Sequence[Any]) -> None:
+    """Leave of each forest the first trees only, alike in share, if all have too many nodes."""
+    forests = [model for model in fitted if hasattr(model, "estimators_")]
+    nodes = sum(tree.tree_.node_count for model in forests for tree in model.estimators_)
+    if nodes <= MOST_NODES:
+        return
+    for model in forests:
+        model.n_estimators = max(1, len(model.estimators_) * MOST_NODES // nodes)
+        model.estimators_ = model.estimators_[: model.n_estimators]
 
 
 def inner_folds(
