@@ -142,6 +142,7 @@ def test_whatever_bytes_come_nothing_but_bad_source_is_raised(data: st.DataObjec
     assert 0 < head.width * head.height <= LARGEST_PX
 
 
+@pytest.mark.slow
 def test_every_image_in_the_software_is_decoded_by_the_one_function_that_checks() -> None:
     """No module calls OpenCV's decoder but the codec; each caller says whose image it is."""
     root = Path(taxel.__file__).parent

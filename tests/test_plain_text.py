@@ -219,6 +219,7 @@ def called(path: Path) -> set[str]:
     return found
 
 
+@pytest.mark.slow
 def test_no_other_module_writes_to_the_output():
     for path in modules():
         allowed = WRITERS.get(path.relative_to(SOURCE).as_posix(), set())
@@ -226,6 +227,7 @@ def test_no_other_module_writes_to_the_output():
         assert used <= allowed, path
 
 
+@pytest.mark.slow
 def test_consoles_escapes_and_figures_are_made_in_one_place_each():
     for path in modules():
         used = called(path)
@@ -235,6 +237,7 @@ def test_consoles_escapes_and_figures_are_made_in_one_place_each():
         assert not any(name.startswith(FORBIDDEN) for name in used), path
 
 
+@pytest.mark.slow
 def test_no_string_is_rich_markup():
     """`[red]…[/]` would be printed as it stands: colours are styles."""
     for path in modules():

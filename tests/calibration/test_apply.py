@@ -56,6 +56,7 @@ def test_baseline_and_drift_of_another_day_are_taken_away(
     assert drift == pytest.approx(gauge.truth.drift_v_per_hour, abs=0.12)
 
 
+@pytest.mark.slow
 def test_volts_change_by_the_baseline_and_by_nothing_else(
     calibration: Calibration, later: Any
 ) -> None:

@@ -28,6 +28,7 @@ def in_calls(calibration: Calibration, info, samples: Samples, size: int) -> Sam
     return Samples.join([newtons.push(samples[i : i + size]) for i in range(0, len(samples), size)])
 
 
+@pytest.mark.slow
 def test_presses_read_live_what_they_read_from_the_whole_recording(
     three_boards, calibration: Calibration
 ):

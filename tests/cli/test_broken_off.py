@@ -89,6 +89,7 @@ def test_a_run_killed_after_a_fold_goes_on_from_it_and_ends_with_the_same_bits(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run"]
 
 
+@pytest.mark.slow
 def test_folds_of_another_recipe_other_data_or_damaged_ones_are_not_used(
     forked: Forked, data: Path, whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
@@ -123,6 +124,7 @@ def test_an_evaluation_keeps_its_folds_too(forked: Forked, data: Path, tmp_path:
     assert load_run(tmp_path / "checked", weights=False).predictions is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["train", "evaluate"])
 def test_a_second_run_to_the_same_output_is_refused_while_the_first_lives(
     verb: str, forked: Forked, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -41,6 +41,7 @@ def test_the_simulated_gauge_gives_a_curve_for_every_sensor_without_hardware(mad
     assert "http" not in page.replace("http-equiv", "")
 
 
+@pytest.mark.slow
 def test_a_recording_with_marks_gives_the_curves_of_the_live_run(
     made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -55,6 +56,7 @@ def test_a_recording_with_marks_gives_the_curves_of_the_live_run(
     assert again["made_from"][0]["sha256"]
 
 
+@pytest.mark.slow
 def test_a_table_of_presses_says_what_marks_say(made: Path, tmp_path: Path) -> None:
     raw = read_recording(made / "raw.mcap")
     first_s = float(raw.samples.fitted_s[0])

@@ -63,6 +63,7 @@ def test_a_folder_that_is_no_run_is_refused(runs: Path):
         compare(str(runs / "cnn2d"), str(runs / "data"))
 
 
+@pytest.mark.slow
 def test_a_library_model_that_was_only_evaluated_is_compared_too(
     runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

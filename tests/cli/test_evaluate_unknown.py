@@ -32,6 +32,7 @@ def run_unknown(data: Path, target: str | None = None, **options) -> None:
     UnknownObjects(data=data, fold_count=3, recipe=recipe, **options).run()
 
 
+@pytest.mark.slow
 def test_values_that_are_never_learned_are_measured_and_printed_as_json(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ):
@@ -57,6 +58,7 @@ def test_a_split_that_holds_no_group_out_is_refused(folder: Path):
         run_unknown(folder, split="random")
 
 
+@pytest.mark.slow
 def test_files_are_held_out_where_there_are_no_sessions_and_the_share_can_be_set(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

@@ -185,6 +185,7 @@ def test_every_door_has_its_lines() -> None:
     assert set(LINES) == set(doors())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("door", doors())
 def test_each_option_changes_what_is_done_or_is_refused(
     door: str, world: pytest.MonkeyPatch

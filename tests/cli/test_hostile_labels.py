@@ -55,6 +55,7 @@ def test_recordings_keep_the_labels_and_info_shows_each_literally(imported, run)
     assert row["labels"]["object"] in CLASSES
 
 
+@pytest.mark.slow
 def test_the_audit_quotes_them_and_stays_whole(imported, run):
     shown = run("audit", imported / "recordings", "--target", "object", "--all")
 
@@ -63,6 +64,7 @@ def test_the_audit_quotes_them_and_stays_whole(imported, run):
     assert json.loads(run("audit", imported / "recordings", "--target", "object", "--json"))
 
 
+@pytest.mark.slow
 def test_from_training_to_a_live_answer_every_class_is_itself(imported, run, tmp_path):
     shown = run("train", imported / "recordings", "--output", tmp_path / "run", "--fold-count", "2",
                 *TRAINING)  # fmt: skip
@@ -93,6 +95,7 @@ def test_from_training_to_a_live_answer_every_class_is_itself(imported, run, tmp
     assert any(visible(name) in said for name in answer["answers"])
 
 
+@pytest.mark.slow
 def test_tables_with_figures_and_raw_touch_are_drawn(imported, run, tmp_path):
     recording = min((imported / "recordings").glob("*.mcap"))
     run(

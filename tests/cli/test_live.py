@@ -119,6 +119,7 @@ def test_what_is_missing_or_of_another_kind_is_named(
         assert expected in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("recorded", [False, True], ids=["one process", "station"])
 def test_two_bundles_with_one_target_are_counted_and_named_apart(
     short_touch: tuple[str, str],
@@ -147,6 +148,7 @@ def test_two_bundles_with_one_target_are_counted_and_named_apart(
     ]
 
 
+@pytest.mark.slow
 def test_an_accuracy_on_training_recordings_is_no_test_and_says_so(
     tmp_path: Path, short_touch: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -32,6 +32,7 @@ def pour(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / f"{run.name}.mcap"
 
 
+@pytest.mark.slow
 def test_a_pour_is_watched_recorded_and_sent_to_another_program(
     pour: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
@@ -115,6 +116,7 @@ def test_who_disarms_before_it_could_be_armed_is_not_overruled_by_arm():
     assert armed == []
 
 
+@pytest.mark.slow
 def test_what_a_person_must_know_stands_beside_the_json_not_in_it(
     pour: Path, capsys: pytest.CaptureFixture[str]
 ):

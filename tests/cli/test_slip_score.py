@@ -27,6 +27,7 @@ def test_a_head_that_learned_whether_it_slips_gives_a_probability(features: str,
     assert number_words(contract, 0.25) == "  P(gross-slip) 0.25"
 
 
+@pytest.mark.slow
 def test_a_forecasts_number_is_printed_as_a_score_beside_its_threshold(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -188,6 +188,7 @@ def test_runs_are_compared_on_a_tables_test_part_and_on_other_recordings(
     assert fresh["split"] == "trained elsewhere, tested on theirs"
 
 
+@pytest.mark.slow
 def test_the_same_table_and_folder_are_audited(
     world: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -159,6 +159,7 @@ def test_a_test_folder_does_not_count_as_learned_from(
     assert "was trained on 16" in second.out + second.err
 
 
+@pytest.mark.slow
 def test_a_repeated_choice_is_judged_on_the_split_that_is_asked_for(
     trained: Path, recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

@@ -19,6 +19,7 @@ def view_json(capsys: Out, *words: str) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_a_moment_gives_a_line_a_camera(pour: Path, capsys: Out) -> None:
     main(["view", str(pour), "--at", "1.5"])
 
@@ -29,6 +30,7 @@ def test_a_moment_gives_a_line_a_camera(pour: Path, capsys: Out) -> None:
     assert "dots seen" in left
 
 
+@pytest.mark.slow
 def test_time_and_frame_name_the_same_moment(pour: Path, capsys: Out) -> None:
     time_s = read_camera_recording(pour).time_s
     by_frame = view_json(capsys, str(pour), "--frame", "90")
@@ -39,6 +41,7 @@ def test_time_and_frame_name_the_same_moment(pour: Path, capsys: Out) -> None:
     assert by_frame["time_s"] == pytest.approx(time_s[90] - time_s[0])
 
 
+@pytest.mark.slow
 def test_the_last_frame_is_a_moment_and_the_settled_ones_too(pour: Path, capsys: Out) -> None:
     last = view_json(capsys, str(pour), "--frame", "119")
     first = view_json(capsys, str(pour), "--frame", "0")
@@ -51,6 +54,7 @@ def test_the_last_frame_is_a_moment_and_the_settled_ones_too(pour: Path, capsys:
         assert camera["dots_seen"] > 0.8 * camera["dots"] > 0
 
 
+@pytest.mark.slow
 def test_a_figure_of_all_cameras_is_written_whole(pour: Path, tmp_path: Path, capsys: Out) -> None:
     main(["view", str(pour), "--at", "1", "--png", str(tmp_path / "new" / "gel.png")])
 
@@ -59,6 +63,7 @@ def test_a_figure_of_all_cameras_is_written_whole(pour: Path, tmp_path: Path, ca
     assert "gel.png" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_source_is_read_until_the_moment_only(capsys: Out) -> None:
     found = view_json(capsys, "sim://cup-pour?cup=0&force_n=15&position=upper", "--at", "0.6")
 
@@ -70,6 +75,7 @@ def test_the_array_beside_cameras_is_viewed_as_before(pour: Path, capsys: Out) -
     assert view_json(capsys, str(pour))["scans"] == 120
 
 
+@pytest.mark.slow
 def test_cameras_alone_are_looked_at_in_their_last_moment(pour: Path, capsys: Out) -> None:
     bare = pour.with_name("bare.mcap")
     known = read_manifest(pour)

@@ -56,6 +56,7 @@ def test_a_seed_gives_the_same_network(name: str) -> None:
     assert not weights or any(not torch.equal(a, b) for a, b in weights)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NETWORKS)
 def test_a_network_learns_what_can_be_seen(name: str) -> None:
     data = separable()
@@ -66,6 +67,7 @@ def test_a_network_learns_what_can_be_seen(name: str) -> None:
     assert evaluate(network, data)[1] > 0.97
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NETWORKS)
 @pytest.mark.parametrize(("steps", "channels", "classes"), SHAPES[:3])
 def test_the_exported_network_gives_what_pytorch_gives(

@@ -33,6 +33,7 @@ def test_spoiling_the_test_windows_does_not_change_the_model() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_learnable_set_is_learned_and_the_trivial_baselines_are_not_fooled() -> None:
     dataset = make_dataset()
     split = by_group(dataset, "shape", "session", 3, seed=0)
@@ -49,6 +50,7 @@ def test_a_learnable_set_is_learned_and_the_trivial_baselines_are_not_fooled() -
     assert trivial["length of the trial"] < 0.5
 
 
+@pytest.mark.slow
 def test_majority_is_what_the_best_constant_answer_reaches_whatever_is_held_out() -> None:
     """With objects held out the training part's commonest class is never that of the test."""
     dataset = make_dataset()

@@ -37,6 +37,7 @@ def test_an_honest_file_is_tried_once(honest, monkeypatch):
         try_hdf5(honest)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "child",
     ["import os; os.abort()", "while True: pass", "import time; time.sleep(60)"],

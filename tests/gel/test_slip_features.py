@@ -31,6 +31,7 @@ def world(paint, dot_grid):
     return image
 
 
+@pytest.mark.slow
 def test_gel_and_object_together_are_shear_without_slip(world):
     stream = SlipFeatures([world(seed=s) for s in range(3)])
     for step in range(1, 13):

@@ -48,6 +48,7 @@ def world(paint, dot_grid):
     return image
 
 
+@pytest.mark.slow
 def test_object_and_gel_are_followed_apart(world):
     follower = TouchFollower([world(seed=s) for s in range(3)])
     for step in range(1, 9):
@@ -110,6 +111,7 @@ def test_a_push_while_the_imprint_is_lost_is_caught_up_with(world, monkeypatch):
     assert pose.object[2] == pytest.approx(0.22, abs=0.005)
 
 
+@pytest.mark.slow
 def test_a_long_turn_goes_on_from_a_new_key_image(world):
     follower = ImprintFollower(world())
     for step in range(1, 15):

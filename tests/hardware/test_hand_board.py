@@ -150,6 +150,7 @@ def test_the_hosts_own_link_arms_closes_and_stops_the_hand(firmware: Firmware):
         link.shut()
 
 
+@pytest.mark.slow
 def test_the_emulated_hand_grasps_labels_and_records_and_its_motors_stop_at_contact(
     firmware: Firmware, tmp_path: Path
 ):

@@ -253,6 +253,7 @@ def test_tuning_finds_the_threshold_that_saves_the_cup_and_leaves_the_other_alon
     assert loose.needless == 1
 
 
+@pytest.mark.slow
 def test_the_grip_is_raised_at_the_alarm_and_then_follows_the_slip_as_played() -> None:
     time_s = np.arange(360) / 60
     track = RunProbabilities(

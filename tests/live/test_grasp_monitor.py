@@ -77,6 +77,7 @@ def edge(few_pours: Path, tmp_path_factory: pytest.TempPathFactory):
     return (*make(tmp_path_factory.mktemp("edge"), pours, "edge"), pours)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("features", ["edge", "gel"])
 def test_live_equals_offline(few_pours: Path, tmp_path: Path, features: str) -> None:
     """Frame by frame, from JPEG, each window's probability is that of the whole recording."""

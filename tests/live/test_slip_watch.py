@@ -136,6 +136,7 @@ def test_a_bundle_whose_columns_are_not_those_it_names_is_refused(bundle):
         contract_from_json(text)
 
 
+@pytest.mark.slow
 def test_the_monitor_warns_before_gross_slip(pour, bundle):
     cameras, sets, batch = pour
     monitor = GraspMonitor(bundle, cameras)

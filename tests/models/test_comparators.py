@@ -9,6 +9,7 @@ from taxel.models.inception_time import DEPTH, RESIDUAL_EVERY, InceptionTime, fi
 from taxel.models.lstm import Lstm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["lstm", "conv-lstm", "inception-time"])
 def test_padding_never_changes_an_answer(name: str) -> None:
     """Neither how much of it there is nor what stands in it."""

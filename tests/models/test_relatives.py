@@ -26,6 +26,7 @@ def _norms_are_no_identity(module: nn.Module) -> None:
                 tensor += 0.2 * torch.rand(tensor.shape, generator=draw)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("blocks", "more"),
     [((1, 1, 1, 1), (1, 1, 3, 1)), ((1, 2, 2, 1), (2, 3, 2, 2)), (BLOCKS_50, BLOCKS_101)],

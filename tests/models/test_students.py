@@ -61,6 +61,7 @@ def test_a_relatives_file_is_grown_and_named(cache: Path) -> None:
     assert (found - wanted).abs().max() <= 1e-4 * wanted.abs().max()
 
 
+@pytest.mark.slow
 def test_weights_of_typefaces_are_a_start_and_never_called_imagenet(cache: Path) -> None:
     (origin,) = STARTS[TYPEFACES]
     module = _save(cache / f"{TYPEFACES}.safetensors", "densenet121", About(origin=origin.words))

@@ -189,6 +189,7 @@ def test_a_plan_that_names_what_there_is_not_is_refused():
         read_plan(bad)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", sorted(FITS))
 def test_every_model_learns_which_channel_is_high(model: str):
     features = compute_features(("statistics",), PADS, VALUES, MASK)

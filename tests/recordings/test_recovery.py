@@ -71,6 +71,7 @@ def test_cut_within_the_manifest_there_is_nothing_to_save(finished, tmp_path):
     assert not (tmp_path / "saved.mcap").exists()
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_loses_at_most_its_own_chunk(finished, tmp_path):
     """Wherever it is: in a chunk that chunk is lost, anywhere else nothing is."""
     content, spans = finished.read_bytes(), chunk_spans(finished)

@@ -50,6 +50,7 @@ def test_a_stack_becomes_a_recording_a_trial(tmp_path, form):
 KINDS = ["<f4", "<f8", ">f4", "<i2", ">u2", "u1", "?", "<f2"]
 
 
+@pytest.mark.slow
 @settings(settings.get_profile("fuzz"), max_examples=60, suppress_health_check=UNSHARED)
 @given(data=st.data())
 def test_every_value_arrives_bit_for_bit_from_every_form_and_order_of_axes(tmp_path, data):

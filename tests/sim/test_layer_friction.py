@@ -34,6 +34,7 @@ def move(
     return end, path
 
 
+@pytest.mark.slow
 def test_a_stuck_disc_is_as_stiff_as_mindlin_says() -> None:
     """8 G a / (2 − ν) on a half space; a layer of twelve radii is a few per cent stiffer."""
     patch, solver = thick()
@@ -42,6 +43,7 @@ def test_a_stuck_disc_is_as_stiff_as_mindlin_says() -> None:
     assert 1.0 < stiffness / (8.0 * RADIUS / 1.7) < 1.08
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("load", [0.2, 0.4, 0.6, 0.8, 0.95])
 def test_partial_slip_leaves_mindlins_stuck_disc(load: float) -> None:
     """Under a load T the disc of radius a (1 − T/μN)^(1/3) sticks; around it lies the annulus.

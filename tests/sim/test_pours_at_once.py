@@ -8,6 +8,7 @@ from taxel.sim.pour.cups import OTHER_KINDS, draw_cup, draw_run
 from taxel.sim.pour.pours_at_once import first_slips, simulate_pours
 
 
+@pytest.mark.slow
 def test_pours_at_once_equal_pours_one_by_one():
     """Every kind, one that is dropped and one whose grip falls among them."""
     cup = draw_cup(0, 31_000)
@@ -31,6 +32,7 @@ def test_a_rate_that_does_not_divide_the_step_is_refused():
     assert simulate_pours([]) == []
 
 
+@pytest.mark.slow
 def test_first_slips_are_those_of_the_whole_simulation():
     """The moment and the poured mass at 300 µm, or at the end, as the track has them."""
     runs = list_runs(CupPourConfig(cups=1, first_cup=31_000))[:4]

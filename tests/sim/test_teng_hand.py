@@ -82,6 +82,7 @@ def test_each_shape_and_each_material_has_about_160_000_scans(thesis_set: list[S
             assert number == pytest.approx(160_000, rel=0.05), name
 
 
+@pytest.mark.slow
 def test_about_31_000_of_160_000_scans_lie_above_the_gate(thesis_set: list[SimulatedSession]):
     """19.4 % to a twentieth, the mean of three data sets; each shape to a tenth of 31,000.
 

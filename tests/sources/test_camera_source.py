@@ -111,6 +111,7 @@ def test_what_a_camera_loses_and_damages_is_counted_and_not_delivered(images):
     assert ledger.lost == 3
 
 
+@pytest.mark.slow
 def test_one_camera_that_hangs_does_not_hold_up_the_other(images):
     """The driver of one does not return for 0.7 s; the other's frames come all the while."""
     hang = (CameraFault(kind="hang", first=130, frames=70),)
@@ -129,6 +130,7 @@ def test_one_camera_that_hangs_does_not_hold_up_the_other(images):
     assert other.frames > hung.frames + 30
 
 
+@pytest.mark.slow
 def test_an_unplugged_camera_is_reopened_when_it_returns(images):
     gone = (CameraFault(kind="gone", first=100, frames=40),)
     well = EmulatedCamera(images=images, rate_hz=FAST_HZ, buffers=64)

@@ -44,6 +44,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[str
     return folder, write_pours(folder, SET, workers=1)
 
 
+@pytest.mark.slow
 def test_a_broken_run_keeps_what_is_whole_and_the_next_goes_on(
     whole: tuple[Path, list[dict[str, Any]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

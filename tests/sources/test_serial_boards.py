@@ -272,6 +272,7 @@ def test_boards_of_different_rates_are_refused(tmp_path: Path):
         opened(first, second)
 
 
+@pytest.mark.slow
 def test_lines_of_numbers_are_an_array_too(tmp_path: Path):
     port = PseudoPort(tmp_path / "sketch")
     port.plug()

@@ -33,6 +33,7 @@ def test_grasps_come_one_after_another_with_frames_truth_and_marks() -> None:
     assert decode_jpeg(frames[0].jpeg, None).shape == (240, 320, 3)
 
 
+@pytest.mark.slow
 def test_the_same_address_gives_the_same_pictures() -> None:
     def first() -> list[bytes]:
         found: list[bytes] = []
@@ -45,6 +46,7 @@ def test_the_same_address_gives_the_same_pictures() -> None:
     assert first() == first()
 
 
+@pytest.mark.slow
 def test_gels_of_version_2_look_otherwise_and_say_more() -> None:
     """The cups' own truth stays; slip, annulus and turn of each gel's face come beside it."""
     found = []

@@ -20,6 +20,7 @@ GRIP = 5
 """Column of the true grip in the truth."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("run", "camera_hz", "gel"),
     [

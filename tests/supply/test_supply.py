@@ -37,6 +37,7 @@ def test_a_choice_needs_one_fine_licence_and_a_sum_all(licence, fine):
     assert licences.is_allowed(licence) is fine
 
 
+@pytest.mark.slow
 def test_a_distribution_under_another_licence_is_named(monkeypatch):
     monkeypatch.setattr(licences, "ALLOWED", licences.ALLOWED - {"BSD-3-Clause"})
     found = licences.problems()

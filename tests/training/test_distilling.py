@@ -60,6 +60,7 @@ def _lessons(count: int = 90, seed: int = 0) -> Lessons:
     return Lessons(_images(count, seed), answers, np.arange(count) % 2 == 0)
 
 
+@pytest.mark.slow
 def test_a_student_agrees_more_often_after_learning_and_on_images_it_never_saw() -> None:
     lessons, unseen = _lessons(300), _lessons(200, seed=1)
     student = Small(1)

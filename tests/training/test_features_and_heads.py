@@ -84,6 +84,7 @@ def tracks(count: int, seed: int) -> list[Track]:
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("head", ["lstm", "transformer"])
 def test_a_head_learns_what_is_there_to_learn(head: str) -> None:
     config = HeadConfig(head=head, frames=4, epochs=6, stride=1)

@@ -78,6 +78,7 @@ def test_a_video_without_settled_frames_is_refused() -> None:
         look(moving(20, 0.0), [CAMERA], Moment(frame=1))
 
 
+@pytest.mark.slow
 def test_a_pour_is_described_in_words_and_drawn(pour: Path) -> None:
     cameras = read_manifest(pour).cameras
     seen = look(frame_sets(pour, 2), cameras, Moment(at_s=1.5))

@@ -220,6 +220,7 @@ def test_the_word_fits_its_field_at_every_size(browser, opened, station):
         browser.size(1280, 720)
 
 
+@pytest.mark.slow
 def test_both_simulators_are_seen_images_map_and_traces(browser):
     browser.complaints.clear()
     station = SimStation("sim://cup-pour?duration_s=2", "sim://teng")

@@ -137,6 +137,7 @@ def test_fewer_than_two_sessions_are_refused(
         measure([tmp_path], config())
 
 
+@pytest.mark.slow
 def test_learning_a_class_takes_seconds() -> None:
     (found,) = adapt_time_rows()
 

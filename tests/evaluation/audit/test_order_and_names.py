@@ -79,6 +79,7 @@ def test_order_that_nobody_knows_is_not_checked(make_set: Make) -> None:
     assert found.verdict == "not checked"
 
 
+@pytest.mark.slow
 def test_few_trials_are_not_called_clean(make_set: Make) -> None:
     """Eight trials show no leak, and the audit says that they could not."""
     alike = make_set["array"]()

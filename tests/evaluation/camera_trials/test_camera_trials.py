@@ -257,6 +257,7 @@ def test_identical_crops_and_equal_lengths_are_not_judged_again() -> None:
     assert judge_trials(trials, split, 0, (BAR,))[0].places == ()
 
 
+@pytest.mark.slow
 def test_a_difference_to_itself_is_nothing_and_has_an_interval_around_it() -> None:
     trials = some_trials()
     split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
@@ -269,6 +270,7 @@ def test_a_difference_to_itself_is_nothing_and_has_an_interval_around_it() -> No
     assert low <= other.loss <= high
 
 
+@pytest.mark.slow
 def test_nothing_of_a_test_trial_reaches_training() -> None:
     """Test trials with other labels and rows leave the predictions on others unchanged."""
     trials = some_trials()

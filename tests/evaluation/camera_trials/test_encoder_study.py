@@ -49,6 +49,7 @@ def probed() -> ProbeSet:
     return ProbeSet(y=y, objects=names, split=split, videos=videos)
 
 
+@pytest.mark.slow
 def test_brightness_is_found_by_the_probe_and_from_few_objects_too(probed: ProbeSet) -> None:
     rows = [probed.rows_of(Colours())] * len(probed.split.folds)
     found = probe_all(probed, {"colours": rows}, lambda line: None)["colours"]

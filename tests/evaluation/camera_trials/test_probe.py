@@ -31,6 +31,7 @@ def test_a_crop_is_its_cameras_largest_and_least_mean_deviation_and_change() -> 
     assert pooled(features)[0].tolist() == pytest.approx([2, spread, 2, 1, 0, 0])
 
 
+@pytest.mark.slow
 def test_what_differs_between_classes_is_found_and_noise_is_not() -> None:
     y, names, split = trials()
     trial = np.arange(len(y)).repeat(CROPS)
@@ -43,6 +44,7 @@ def test_what_differs_between_classes_is_found_and_noise_is_not() -> None:
     assert accuracy(0.0) < 0.75
 
 
+@pytest.mark.slow
 def test_a_test_trial_changes_nothing_of_what_is_said_of_others() -> None:
     """Rows of the first fold's test side are all moved: other test sides stay as they were."""
     y, names, split = trials()

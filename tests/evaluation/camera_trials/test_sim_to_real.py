@@ -52,6 +52,7 @@ def test_real_trials_alone_give_what_the_probe_gives() -> None:
     assert transfer(None, REAL, SPLIT, None)[0] == pytest.approx(expected, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objects", [0, 1, None])
 def test_neither_labels_nor_rows_of_other_test_trials_count(objects: int | None) -> None:
     before = transfer(SIMULATED, REAL, SPLIT, objects)[0]

@@ -102,6 +102,7 @@ def test_a_changed_copy_is_repeatable_and_another(
     assert one[0][0].dtype == np.uint8
 
 
+@pytest.mark.slow
 def test_features_are_kept_and_changed_copies_are_kept_apart(
     trials: list[SimulatedTrial],
     images: list[list[NDArray[np.uint8]]],
@@ -132,6 +133,7 @@ def test_grey_differences_are_those_of_the_view_of_pixels(
     assert grey_rows(images)[0] == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_real_trials_are_looked_at_as_simulated_ones_are(
     images: list[list[NDArray[np.uint8]]],
     trials: list[SimulatedTrial],

@@ -112,6 +112,7 @@ def test_single_images_go_from_a_table_to_equal_verdicts_live_and_offline(
     )
 
 
+@pytest.mark.slow
 def test_single_images_are_imported_and_their_recordings_judged(
     tmp_path: Path, taxel: Lines
 ) -> None:

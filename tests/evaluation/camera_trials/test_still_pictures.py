@@ -69,6 +69,7 @@ def test_a_patchs_colour_tells_classes_where_nothing_moves(tmp_path: Path) -> No
     assert "picture" in weights
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("views", [USUAL, ("pixels", "slip", "stills")])
 def test_a_bundle_says_of_images_what_the_trained_blend_says(
     views: tuple[str, ...], tmp_path: Path

@@ -144,6 +144,7 @@ def test_a_class_of_a_single_group_still_leaves_trials_to_weigh_by() -> None:
     assert np.isfinite(blend.inner["blend"])
 
 
+@pytest.mark.slow
 def test_sharpness_is_found_where_held_out_trials_are_as_what_is_to_come() -> None:
     """Where each class is one object, trials show how sure to be; where one class has two, no."""
     trials = some_trials()

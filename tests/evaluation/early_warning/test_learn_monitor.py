@@ -127,6 +127,7 @@ def test_labels_from_images_are_scored_and_tune_nothing() -> None:
     assert learnt.windows.auc > 0.95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shared", [True, False])
 def test_warnings_are_judged_on_each_unseen_cup_once(shared: bool) -> None:
     data = pours_of(CUPS)

@@ -208,6 +208,7 @@ def test_rows_name_their_split_and_have_no_goal(compared, cleaned, monkeypatch) 
         assert row.goal == ""
 
 
+@pytest.mark.slow
 def test_the_verb_prints_json(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -148,6 +148,7 @@ def test_a_trial_that_is_unknown_by_another_label_only_is_neither(dataset: Datas
     assert set(kinds) == {"", "rubber", "c3+rubber"}
 
 
+@pytest.mark.slow
 def test_what_is_tested_in_every_fold_is_counted_once(dataset: Dataset):
     """Trials in groups of their own: no fold learns from those of c3, each tests them all."""
     found = find_unknown(

@@ -60,6 +60,7 @@ def test_a_bundle_fits_its_own_sensor_and_says_why_another_does_not(bundle: Path
     assert "2 tactile cameras" in str(misfit(watcher, hand, ()))
 
 
+@pytest.mark.slow
 def test_the_array_is_recognised_and_no_grasp_is_claimed_to_be_watched(bundle: Path):
     heard: list[dict[str, Any]] = []
     config = StationConfig(sources=(URL,), bundles=(bundle,), least_confidence=0.0)

@@ -152,6 +152,7 @@ def test_no_tick_is_due_before_the_first_and_after_a_rest():
         view.close()
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_a_stopped_supervisor_is_alarmed_on_terminal_and_page_and_knows_of_it_afterwards(
     program: Callable[..., Program],
@@ -173,6 +174,7 @@ def test_a_stopped_supervisor_is_alarmed_on_terminal_and_page_and_knows_of_it_af
     assert any(text.startswith("the supervisor stood still for 0.") for text in lines)
 
 
+@pytest.mark.slow
 @pytest.mark.data
 @pytest.mark.parametrize("name", ["source", "recorder", "alarm watch"])
 def test_a_killed_supervisor_leaves_no_process_though_one_was_stopped_and_no_memory(
@@ -187,6 +189,7 @@ def test_a_killed_supervisor_leaves_no_process_though_one_was_stopped_and_no_mem
     until(lambda: not station.memory(), "shared memory is left")
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_a_recorder_that_was_stopped_completes_its_file_when_the_supervisor_is_killed(
     program: Callable[..., Program], tmp_path: Path
@@ -201,6 +204,7 @@ def test_a_recorder_that_was_stopped_completes_its_file_when_the_supervisor_is_k
     assert path.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_the_alarm_watch_says_that_the_supervisor_was_killed(program: Callable[..., Program]):
     station = program()

@@ -100,6 +100,7 @@ def test_a_pair_of_cameras_is_watched_recorded_and_seen_and_every_message_is_acc
     assert all(image is not None and image[1].startswith(b"\xff\xd8") for image in images)
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_a_killed_monitor_is_reported_alarmed_and_started_again(pour: Path):
     config = StationConfig(
@@ -119,6 +120,7 @@ def test_a_killed_monitor_is_reported_alarmed_and_started_again(pour: Path):
     assert station.ledger()["monitor"]["starts"] == 2
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_a_full_disk_is_alarmed_and_the_watch_goes_on(tmp_path: Path):
     config = StationConfig(
@@ -137,6 +139,7 @@ def test_a_full_disk_is_alarmed_and_the_watch_goes_on(tmp_path: Path):
         until(station, lambda: station.ledger()["monitor"]["produced"] > decided + 3)
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_a_recorder_that_died_is_followed_by_one_that_leaves_finished_recordings_alone(
     tmp_path: Path,
@@ -158,6 +161,7 @@ def test_a_recorder_that_died_is_followed_by_one_that_leaves_finished_recordings
     assert path.read_bytes() == whole
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_a_recording_goes_on_in_a_second_file_where_its_recorder_was_killed(tmp_path: Path):
     """Both files together hold all that came; the first is told at once, and at the end."""
@@ -214,6 +218,7 @@ def test_a_process_that_hangs_is_reported_although_it_is_alive():
         until(station, lambda: not any(a.on for a in station.guard.alarms.alarms))
 
 
+@pytest.mark.slow
 def test_a_source_that_fails_is_started_again_and_given_up_in_words(
     pour: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -242,6 +247,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_every_process_ends_when_supervisor_and_source_are_killed(tmp_path: Path):
     script = tmp_path / "orphans.py"
@@ -305,6 +311,7 @@ def test_a_bundle_that_fits_no_source_is_refused(tmp_path: Path):
         pass
 
 
+@pytest.mark.slow
 def test_nothing_is_left_behind():
     names = set(os.listdir("/dev/shm")) if Path("/dev/shm").exists() else set()
     with Station(StationConfig(sources=("sim://teng?seconds=1",), bundles=())) as station:

@@ -89,6 +89,7 @@ def test_with_a_calibration_the_page_shows_newtons_and_other_sensors_are_refused
         pass
 
 
+@pytest.mark.slow
 def test_a_calibration_beside_tactile_cameras_only_is_refused(tmp_path: Path):
     calibration, path = tmp_path / "c.json", tmp_path / "cameras.mcap"
     write_calibration_of_seed_4(calibration)

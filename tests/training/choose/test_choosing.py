@@ -183,6 +183,7 @@ def test_one_training_part_is_chosen_for_once_and_its_own_choice_is_scored(
     assert found.nested.scores.scores.accuracy > 0.9
 
 
+@pytest.mark.slow
 def test_a_choice_that_was_written_can_be_repeated(expert, recordings: Path, tmp_path: Path):
     write_choice(tmp_path / "expert.json", expert.choice)
     like = read_choice(tmp_path / "expert.json")
@@ -254,6 +255,7 @@ def test_what_is_given_up_is_what_leaves_the_rest_quickest(
     assert len(fitted.given_up) == 1
 
 
+@pytest.mark.slow
 def test_a_network_trained_on_noise_knows_channels_that_stand_still():
     """Integer taxels that hardly move within a window: with the noise of training in its batch
     norms TouchNet named one class for all."""

@@ -56,6 +56,7 @@ def until(tries: int) -> Effort:
     return Effort(budget=Budget(60.0, clock=clock, at_once=1), on_step=begun.append)
 
 
+@pytest.mark.slow
 def test_a_gate_that_leaves_most_touches_undecided_is_not_chosen_for_being_right_on_the_rest(
     tmp_path: Path,
 ):
@@ -129,6 +130,7 @@ def board_cuts(found: Found) -> list[str]:
     return list(dict.fromkeys(cut for cut, _, _ in found.board))
 
 
+@pytest.mark.slow
 def test_a_way_to_cut_that_is_far_behind_on_one_inner_fold_is_not_compared_on_all(tmp_path: Path):
     base = slides(tmp_path, differ_in="place")
     prepared = prepare_all(base)
