@@ -1,5 +1,7 @@
 """Later trials are tested, a share of them: whole numbers, and of each class where it needs be."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from make_dataset import make_dataset
@@ -8,6 +10,7 @@ from taxel.errors import BadSplit
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.first_share import first_share
 from taxel.evaluation.splits import parse_split
+from taxel.training.choose.inner_folds import Held, what_is_held
 
 
 def test_trials_of_one_number_stay_together():
@@ -16,7 +19,7 @@ def test_trials_of_one_number_stay_together():
     first, name = first_share("day", numbers, np.arange(8) % 2, "60%")
 
     assert first.tolist() == [True] * 4 + [False] * 4
-    assert name == "day, first 60 % → later"
+    assert name == "day up to 2 (50 %) → above"
 
 
 def test_of_classes_recorded_one_after_another_the_first_of_each_is_trained_on():
@@ -34,12 +37,32 @@ def test_a_share_that_is_none_is_refused(text: str):
         first_share("n", np.arange(4).astype(str), np.arange(4) % 2, text)
 
 
-def test_text_and_a_single_number_in_each_class_are_refused():
+def test_sessions_that_classes_share_stay_whole_though_one_class_ends_early():
+    sessions = np.array([*range(1, 11), *range(1, 11), *range(1, 7)]).astype(str)
+    y = np.repeat(["mug", "can", "box"], [10, 10, 6])
+
+    first, name = first_share("session", sessions, y, "60%")
+
+    assert not set(sessions[first]) & set(sessions[~first])
+    assert "up to 6 (69 %)" in name
+
+
+def test_a_class_that_is_tested_and_never_learned_is_refused():
+    y = np.repeat(["mug", "can", "box"], [6, 6, 1])
+    numbers = np.array([*range(6), *range(6), 5]).astype(str)
+
+    with pytest.raises(BadSplit, match="none of box; choose a larger share"):
+        first_share("n", numbers, y, "50%")
+
+
+def test_what_is_no_number_or_one_number_only_is_refused():
     y = np.arange(4) % 2
+    with pytest.raises(BadSplit, match="numbers in the group 'n'; got 'nan'"):
+        first_share("n", np.array(["1", "2", "nan", "3"]), y, "50%")
     with pytest.raises(BadSplit, match="numbers in the group 'day'"):
         first_share("day", np.array(["mon", "tue"] * 2), y, "50%")
-    with pytest.raises(BadSplit, match="two or more numbers"):
-        first_share("day", np.array(["1", "2"] * 2), y, "50%")
+    with pytest.raises(BadSplit, match="two or more numbers in the group 'n'; got 1 only"):
+        first_share("n", np.array(["1"] * 4), y, "50%")
 
 
 def test_arrays_and_cameras_take_a_share():
@@ -54,10 +77,24 @@ def test_arrays_and_cameras_take_a_share():
     assert sides.test == {6, 7, 8, 9}
 
 
+def test_inner_folds_are_ordered_where_each_classes_first_are_trained_on():
+    dataset = make_dataset()
+    trials = [
+        replace(trial, groups=trial.groups | {"take": str(i)})
+        for i, trial in enumerate(sorted(dataset.trials, key=lambda t: t.labels["shape"]))
+    ]
+    y = np.unique([trial.labels["shape"] for trial in trials], return_inverse=True)[1]
+    first, _ = first_share("take", np.arange(len(y)).astype(str), y, "60%")
+
+    held = what_is_held(trials, y, np.flatnonzero(first), np.flatnonzero(~first), "take")
+
+    assert held == Held("take", ordered=True)
+
+
 def test_a_group_named_without_its_word_is_advised():
     with pytest.raises(BadSplit, match="say group:session"):
         parse_split("session", make_dataset(), "shape", 5, 0)
-    with pytest.raises(BadSplit, match="groups are "):
+    with pytest.raises(BadSplit, match="groups to name are "):
         parse_split("sessions", make_dataset(), "shape", 5, 0)
     with pytest.raises(BadSplit, match="say group:take"):
         split_trials([{"take": "1"}, {"take": "2"}], np.arange(2), "take", 5, 0)

@@ -6,7 +6,7 @@ import torch
 
 from taxel.models.blend import DOUBT, Blend, Part, Plan
 from taxel.models.heads import LEAST_SHARE, walk
-from taxel.models.touch_features import TouchFeatures, compute_features
+from taxel.models.touch_features import compute_features
 from taxel.training.choose.blending import doubted, softmax
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.fitting import fit_head
@@ -69,20 +69,3 @@ def test_a_blend_is_never_certain_and_says_so_as_it_was_chosen_by():
     assert found.max() == pytest.approx(1 - DOUBT * 2 / 3, rel=1e-3)
     shares = softmax(heads[0](seen[0]).double().detach().numpy())
     assert softmax(plain(*given).double().numpy()) == pytest.approx(doubted(shares), abs=1e-5)
-
-
-def test_blocks_that_parts_have_in_common_are_timed_once(monkeypatch: pytest.MonkeyPatch):
-    heads, _, values, mask = forests()
-    plan = Plan(24, PADS, 3, tuple(Part("trees", blocks) for blocks in SETS))
-    blend = Blend(plan, tuple(heads), (0.5, 0.25, 0.25), (1.0, 1.0, 1.0))
-    timed = []
-
-    def features(blocks: tuple[str, ...], pads: tuple[int, ...]) -> TouchFeatures:
-        timed.append(blocks)
-        return TouchFeatures(blocks, pads)
-
-    monkeypatch.setattr("taxel.models.blend.TouchFeatures", features)
-    spent = blend.seconds(torch.from_numpy(values[:1]), torch.from_numpy(mask[:1]), [0, 1])
-
-    assert timed == [("level", "shape", "quantiles")]
-    assert spent > 0

@@ -49,6 +49,8 @@ from taxel.windows.windower import Windows
 PLANNED = 0.95
 """Share of the minutes that is planned for; the rest is for measuring the bundle. Source: our
 choice, docs/decisions/0039."""
+_ALL, _PART = "all data", "the training part"
+"""What is chosen on, in words."""
 _PARITY_WINDOWS = 500
 _TIMED, _QUIET = 200, 10.0
 """Windows that are timed, and which percentile counts: another program can only lengthen a time."""
@@ -153,14 +155,19 @@ def train_expert(
     same = checked == 1 and _trains_on(folds, own)
     budget = Budget(max(0.0, planned), 1 if same else checked + 1)
     effort = Effort(budget=budget, seed=seed, kept=kept, on_step=on_step)
-    on_step("choosing on all data")
+    on_step(f"choosing on {_PART if same else _ALL}")
     found = choose(base, prepared, own, _held(base, folds), effort)
-    fitted = _fitted(found, own, limits, seed, on_step) if same else None
+    fitted = None
+    if same:
+        on_step(f"training what was chosen on {_PART}")
+        fitted = fit_within(found, own, limits, seed=seed)
     nested = None
     if task.check:
         known = None if fitted is None else (found, fitted)
         nested = check_choosing(base, prepared, folds, effort, task.bars, limits, known)
-    fitted = fitted or _fitted(found, own, limits, seed, on_step)
+    if fitted is None:
+        on_step(f"training what was chosen on {_ALL}")
+        fitted = fit_within(found, own, limits, seed=seed)
     expert = _within(found, fitted, own, nested, limits, reject_novel, seed)
     if task.split.given.table is not None:
         both = objects_on_both(base.trials, base.y, folds)
@@ -190,14 +197,6 @@ def _held(base: Base, split: Split) -> Held:
     return what_is_held(base.trials, base.y, sorted(fold.train), sorted(fold.test), split.key)
 
 
-def _fitted(
-    found: Found, own: Sequence[int], limits: Limits, seed: int, on_step: Callable[[str], None]
-) -> Fitted:
-    """Train on all data; leave out what makes the bundle too large or too slow."""
-    on_step("training what was chosen on all data")
-    return fit_within(found, own, limits, seed=seed)
-
-
 def _within(
     found: Found,
     fitted: Fitted,
@@ -213,7 +212,7 @@ def _within(
     run, measured = _run_of(
         base, learned, fitted.blend, fitted.choice.joining, nested, reject_novel, seed
     )
-    over = _over(measured, limits)
+    over = _over(measured, limits, len(fitted.choice.members))
     return Expert(
         run=run, choice=fitted.choice, nested=nested, measured=measured,
         given_up=fitted.given_up,
@@ -221,7 +220,7 @@ def _within(
     )  # fmt: skip
 
 
-def _over(measured: Measured, limits: Limits) -> tuple[str, ...]:
+def _over(measured: Measured, limits: Limits, members: int) -> tuple[str, ...]:
     """Return what must be said of a bundle that is beyond its limits all the same."""
     over = []
     if measured.us > limits.most_us:
@@ -231,8 +230,9 @@ def _over(measured: Measured, limits: Limits) -> tuple[str, ...]:
         )
     if measured.mb > limits.most_mb:
         over.append(
-            f"the bundle has {measured.mb:.1f} MB, more than --max-mb {limits.most_mb:g}, with a "
-            "single model: raise the limit, or name fewer --channels"
+            f"the bundle has {measured.mb:.1f} MB, more than --max-mb {limits.most_mb:g}"
+            f"{', with a single model' if members == 1 else ''}: raise the limit, or name fewer "
+            "--channels"
         )
     return tuple(over)
 

@@ -16,8 +16,8 @@ def first_share(
 ) -> tuple[NDArray[np.bool_], str]:
     """Return which trials are the first by a group's numbers, shape (n,), and the split's name.
 
-    Trials of one number stay together. Where a class would stand on one side only, as where classes
-    were recorded one after another, each class's own first are taken.
+    Trials of one number stay together. Where no two classes share a number, as where classes were
+    recorded one after another, each class's own first are taken.
 
     Args:
         key: The group's name, for messages.
@@ -26,8 +26,8 @@ def first_share(
         text: The share, such as "70%".
 
     Raises:
-        BadSplit: The group is not a number, the share not between 0 and 100 %, or one side is
-            empty.
+        BadSplit: The group is not a number, the share not between 0 and 100 %, one side is empty,
+            or a class is tested that is not among the first.
     """
     try:
         share = float(text.removesuffix("%")) / 100.0
@@ -35,21 +35,38 @@ def first_share(
         share = 0.0
     if not 0.0 < share < 1.0:
         raise BadSplit("a share between 0% and 100%, such as 70%", repr(text), "correct it")
+    numbers = _numbers(key, values)
+    pairs = set(zip(numbers.tolist(), y.tolist(), strict=True))
+    if len(pairs) == len(set(numbers.tolist())) > len(set(y.tolist())) > 1:
+        first = np.zeros(len(y), bool)
+        for own in set(y.tolist()):
+            first[y == own] = _first(numbers[y == own], share)
+        words = f"{key}, first {100 * first.mean():.0f} %, of each class → later"
+    else:
+        first = _first(numbers, share)
+        words = f"{key} up to {numbers[first].max():g} ({100 * first.mean():.0f} %) → above"
+    if first.all():
+        raise BadSplit(f"two or more numbers in the group {key!r}", f"{numbers[0]:g} only",
+                       "choose another group")  # fmt: skip
+    if lacking := sorted(set(y[~first].tolist()) - set(y[first].tolist()), key=str):
+        raise BadSplit(
+            f"each class that is tested among the first {text} by {key!r}",
+            f"none of {', '.join(map(str, lacking))}", "choose a larger share, or another group",
+        )  # fmt: skip
+    return first, words
+
+
+def _numbers(key: str, values: NDArray[np.str_]) -> NDArray[np.float64]:
     try:
         numbers = values.astype(float)
     except ValueError as error:
         raise BadSplit(f"numbers in the group {key!r}", f"text ({error})", "choose another group") \
             from error  # fmt: skip
-    first = _first(numbers, share)
-    name = f"{key}, first {100 * share:g} % → later"
-    if any(len(set(first[y == own])) < 2 for own in set(y.tolist())):
-        name = f"{key}, first {100 * share:g} % of each class → later"
-        for own in set(y.tolist()):
-            first[y == own] = _first(numbers[y == own], share)
-    if first.all():
-        raise BadSplit(f"two or more numbers in the group {key!r}", "one in each class",
-                       "choose another group")  # fmt: skip
-    return first, name
+    if not np.isfinite(numbers).all():
+        odd = values[~np.isfinite(numbers)][0]
+        raise BadSplit(f"numbers in the group {key!r}", f"{str(odd)!r}",
+                       "choose another group, or import again with a number there")  # fmt: skip
+    return numbers
 
 
 def _first(numbers: NDArray[np.float64], share: float) -> NDArray[np.bool_]:

@@ -31,6 +31,7 @@ from taxel.training.choose.fit_choice import fit_choice, predict_blend
 from taxel.training.choose.inner_folds import what_is_held
 from taxel.training.choose.joining import join
 from taxel.training.choose.limits import USUAL_LIMITS, Fitted, Limits, fit_within
+from taxel.training.choose.pieces import Pieces
 from taxel.training.choose.preparations import Base, Prepared
 from taxel.training.choose.search import Effort, Found, choose
 from taxel.training.predictions import Predictions
@@ -116,13 +117,15 @@ def check_choosing(
     """
     check_training_parts(base, split)
     tested, choices = [], []
-    costs = KnownCosts(limits.bare_us)
+    costs, pieces = KnownCosts(limits.bare_us), Pieces()
     bars_s = 0.0
     beside: dict[str, list[_Tested]] = {name: [] for name in bars}
     for fold in split.folds:
         if not isinstance(fold, TrialFold):
             raise BadSplit(
-                "a split of whole trials, to choose on", split.name, "choose group:KEY or order:KEY"
+                "a split of whole trials, to choose on",
+                split.name,
+                "choose group:KEY or order:KEY:70%",
             )
         train, test = sorted(fold.train), sorted(fold.test)
 
@@ -136,7 +139,9 @@ def check_choosing(
             tried = choose(base, prepared, train, held, replace(effort, on_step=say))
             say("training what was chosen")
             with effort.budget.training():
-                fitted = fit_within(tried, train, limits, seed=effort.seed, cost=costs)
+                fitted = fit_within(
+                    tried, train, limits, seed=effort.seed, cost=costs, pieces=pieces
+                )
         choice, own = fitted.choice, tried.part.prepared
         tested.append(_test(base, fitted.blend, choice, own, test))
         index = tested[-1].index
@@ -186,7 +191,9 @@ def check_choice(
     for fold in split.folds:
         if not isinstance(fold, TrialFold):
             raise BadSplit(
-                "a split of whole trials, to judge on", split.name, "choose group:KEY or order:KEY"
+                "a split of whole trials, to judge on",
+                split.name,
+                "choose group:KEY or order:KEY:70%",
             )
         on_step(f"{fold.name} · training as chosen before")
         blend = fit_choice(choice, base, prepared, sorted(fold.train), seed)

@@ -259,10 +259,10 @@ def parse_split(text: str, dataset: Dataset, target: str, folds: int, seed: int)
             limits = []
         if limits:
             return by_order(dataset, words[1], *limits)
-    known = sorted({key for trial in dataset.trials for key in trial.groups})
+    known = sorted(set.intersection(*(set(trial.groups) for trial in dataset.trials)))
     raise BadSplit(
         f"a split: {NAMED}", repr(text),
-        f"say group:{text}" if text in known else f"groups are {', '.join(known)}",
+        f"say group:{text}" if text in known else f"groups to name are {', '.join(known)}",
     )  # fmt: skip
 
 

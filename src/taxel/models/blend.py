@@ -7,9 +7,8 @@ loaded and exported as any network. Knows nothing about how it was chosen.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from time import perf_counter
 from typing import Any
 
 import torch
@@ -26,15 +25,14 @@ EXPERT = "expert"
 LEAST_PROBABILITY = 1e-6
 """Source: our choice, docs/decisions/0039."""
 DOUBT = 0.005
-"""Share of its certainty that a blend spreads over all classes: no recordings show that touch of a
-kind never met is recognised more surely. Source: our choice, docs/decisions/0039."""
+"""Share of its certainty in a window that a blend spreads over all classes: no recordings show that
+touch of a kind never met is recognised more surely. Source: our choice, docs/decisions/0039."""
 NETWORK = "network:"
 """Begins the name of a head that is a network of the catalogue."""
 _MOST_MEMBERS = 64
 _MOST_ROWS = 100
 """Rows that a plan may have a network see as one."""
 _LARGEST_PLAN = 100_000
-_TIMED = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,21 +176,6 @@ class Blend(nn.Module):
         found = dict(zip(trees, walked, strict=True))
         return {n: found[n] if n in found else self.heads[n](*given[n]) for n in parts}
 
-    def seconds(self, values: Tensor, mask: Tensor, parts: Collection[int]) -> float:
-        """Return what some parts take here together, for comparison: each block computed once.
-
-        Args:
-            values: Unscaled windows, shape (n, steps, channels).
-            mask: Shape (n, steps).
-            parts: Their places.
-        """
-        sets = [features(values, mask) for features in self.features]
-        given = [(values, mask) if seen is None else (sets[seen],) for seen in self._seen]
-        plan = read_plan(bytes(self.plan.tolist()))
-        blocks = tuple(dict.fromkeys(name for n in parts for name in plan.parts[n].blocks))
-        of_features = _timed(TouchFeatures(blocks, plan.pads), values, mask) if blocks else 0.0
-        return of_features + _timed(self._logits, sorted(parts), given)
-
     def _load_from_state_dict(self, state_dict: Any, prefix: str, *rest: Any) -> None:
         for name in ("plan", "weights", "sharpness"):
             if prefix + name in state_dict:
@@ -202,17 +185,6 @@ class Blend(nn.Module):
             self.heads = nn.ModuleList(_empty_head(plan, part) for part in plan.parts)
             self._share_features(plan)
         super()._load_from_state_dict(state_dict, prefix, *rest)
-
-
-def _timed(run: Callable[..., object], *inputs: object) -> float:
-    """Return the seconds of the quickest of a few runs."""
-    times = []
-    with torch.inference_mode():
-        for _ in range(_TIMED):
-            started = perf_counter()
-            run(*inputs)
-            times.append(perf_counter() - started)
-    return min(times)
 
 
 def read_plan(text: bytes) -> Plan:

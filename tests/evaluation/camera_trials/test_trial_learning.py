@@ -112,7 +112,7 @@ def test_forests_of_too_many_nodes_keep_their_first_trees(monkeypatch: pytest.Mo
     learning = trials.learning(trials.rows, "object")
     whole = fit_blend(learning, trials.cameras, trials.widths, 0, MEMBERS[:1]).fitted[0]
     nodes = [tree.tree_.node_count for tree in whole.estimators_]
-    monkeypatch.setattr(blending, "MOST_NODES", sum(nodes) // 4)
+    monkeypatch.setattr(blending, "MOST_NUMBERS", sum(nodes) * (2 + 4) // 4)
 
     blend = fit_blend(learning, trials.cameras, trials.widths, 0, MEMBERS[:1])
 

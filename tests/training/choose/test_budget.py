@@ -46,6 +46,23 @@ def test_each_choice_has_about_the_same_time_and_all_ends_in_time(training_s: fl
     assert min(found) > 0.5 * max(found)
 
 
+def test_a_try_that_is_nearly_done_may_outlast_its_time_and_one_that_would_not_end_does_not_begin():
+    clock = Clock()
+    budget = Budget(100.0, 1, clock)
+    budget.begin()
+    clock.now = budget._share_end - 7.0
+
+    assert budget.goes_on(14.0, 14.0)
+    assert not budget.goes_on(14.0, 14.1)
+    assert budget.starts("network")
+    budget.took("network", 10.5)
+    assert budget.starts("network")
+    budget.took("network", 11.0)
+    assert not budget.starts("network")
+    clock.now += 7.1
+    assert not budget.starts("new")
+
+
 def test_slow_training_leaves_half_of_what_is_left_to_candidates():
     clock = Clock()
     budget = Budget(100.0, 2, clock)

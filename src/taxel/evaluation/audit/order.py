@@ -114,7 +114,7 @@ def _cost(
         loosely="trials of any time to learn from",
         strictly=f"as many earlier ones only, tested on later ones (by {how})",
         mend="record classes in mixed order over several sessions, and test on what was recorded "
-             "later, as with --split order:KEY:LAST",
+             "later, as with --split order:KEY:70%",
         split_does=_mixes(case, late, kept, cells), units=int(late.sum()),
     )  # fmt: skip
 

@@ -31,6 +31,7 @@ DIGITS = "digits"
 _TOKENS = re.compile(r"(\{[^{}]*\})|(\*)|([{}])|([^{}*]+)")
 _KINDS = ("label:", "group:")
 _NUMBER = "(?<![0-9])([0-9]+)(?![0-9])"
+_DIGITS = tuple("0123456789")
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,16 +119,24 @@ def _step(name: str, where: str) -> str | NamePattern:
             raise _no_part(token, where)
         else:
             texts[-1] += composed(token)
-    pairs = zip(pairwise(parts), pairwise(numbers), texts[1:-1], strict=True)
+    shown = [_shown(part, number=number) for part, number in zip(parts, numbers, strict=True)]
+    pairs = zip(pairwise(shown), pairwise(numbers), texts[1:-1], strict=True)
     for (first, second), kinds, text in pairs:
         apart = text.strip("?") or (not text and len(set(kinds)) == 2)
         if not apart:
             folders = first == second == ANY
             raise BadTable(
                 "something of the name between two parts, as in {label:object}_{group:session}",
-                f"{_shown(first)}{text}{_shown(second)} in {where}",
+                f"{first}{text}{second} in {where}",
                 "write */ for each folder" if folders else "write what stands between them, make "
                 "one part of both, or say which of them is a number, as {group:take:digits}",
+            )  # fmt: skip
+    for place, number in enumerate(numbers):
+        before, after = texts[place], texts[place + 1]
+        if number and (before[-1:] in _DIGITS or after[:1] in _DIGITS):
+            raise BadTable(
+                "a whole number, with no digit of it outside the braces",
+                f"{before}{shown[place]}{after} in {where}", "leave those digits out",
             )  # fmt: skip
     return NamePattern(tuple(texts), tuple(parts), tuple(numbers))
 
@@ -141,20 +150,22 @@ def _column(token: str, where: str) -> tuple[str, bool]:
     whether it is a number; `ANY` for one that says nothing.
     """
     own = token[1:-1].strip()
-    if own == DIGITS:
+    if own.casefold() == DIGITS:
         return ANY, True
     before, _, last = own.rpartition(":")
-    number = last.strip() == DIGITS
+    number = ":" in before and last.strip().casefold() == DIGITS
     name = column_name(before if number else own, ())
-    kind = name.partition(":")[0] + ":"
-    if token == "{" or kind not in _KINDS or name == kind:
+    kind, colon, rest = name.partition(":")
+    if token == "{" or f"{kind}{colon}" not in _KINDS or not rest:
         raise _no_part(token, where)
     return name, number
 
 
 def _no_part(token: str, where: str) -> BadTable:
     own = token.strip("{}").strip()[:40]
-    named = own if own and ":" not in own else "object"
+    number = own.casefold().endswith(f":{DIGITS}")
+    own = own[: -len(DIGITS) - 1] if number else own
+    named = (own if own and ":" not in own else "object") + (f":{DIGITS}" if number else "")
     return BadTable(
         "a file that is there, or a pattern whose parts are {label:NAME}, {group:NAME}, {digits}, "
         "* and ?",
@@ -163,8 +174,10 @@ def _no_part(token: str, where: str) -> BadTable:
     )
 
 
-def _shown(part: str) -> str:
-    return part if part == ANY else f"{{{part}}}"
+def _shown(part: str, *, number: bool) -> str:
+    if part == ANY:
+        return f"{{{DIGITS}}}" if number else ANY
+    return f"{{{part}:{DIGITS}}}" if number else f"{{{part}}}"
 
 
 @lru_cache
@@ -175,14 +188,14 @@ def _expression(
 
     Each part ends where the text behind it first comes, for good (an atomic group): this gives
     the same as trying all ways from the shortest on, in a time that no name can make long. A part
-    right before a number ends where number and text first come.
+    before a number ends where the text, the number and what follows it first come.
     """
     made, last, begun = _plain(texts[0]), len(parts) - 1, ""
     for place, (part, number, text) in enumerate(zip(parts, numbers, texts[1:], strict=True)):
         begun += _NUMBER if number else "(.*?)" if part == ANY else "(.+?)"
-        if place < last and not text and numbers[place + 1]:
-            continue
         begun += _plain(text)
+        if place < last and numbers[place + 1]:
+            continue
         made += begun if place == last else f"(?>{begun})"
         begun = ""
     return re.compile(made, re.DOTALL)

@@ -33,9 +33,10 @@ from taxel.windows.trial_mirrors import Mirror, mirrors
 TREES: Final = 400
 INNER_TREES: Final = 150
 """Of a forest that is kept, and of one on an inner fold. Source: our choice, decision 41."""
-MOST_NODES: Final = 1_000_000
-"""Of all forests that are kept: beyond it they have fewer trees, so that a bundle stays within some
-20 MB. Source: 16 bytes a node of 22 classes, packed; decision 41."""
+MOST_NUMBERS: Final = 26_000_000
+"""Of all forests that are kept, four a node and one a class: beyond it they have fewer trees, so
+that a bundle stays within some 20 MB. Source: 16 bytes a node of 22 classes, packed; decision 41.
+"""
 INNER_FOLDS: Final = 5
 LEAST_WEIGHT: Final = 0.04
 """A member below it is left out. Source: our choice."""
@@ -201,7 +202,7 @@ def fit_blend(
     kept = np.flatnonzero(weights)
     on_step("all trials")
     fitted = tuple(_fit(members[i], learning, columns[i], images, seed, TREES) for i in kept)
-    _thin_out(fitted)
+    _thin_out(fitted, learning.classes)
     return TrialBlend(
         members=tuple(members[i] for i in kept),
         fitted=fitted,
@@ -235,14 +236,15 @@ def _fit(
     return member.make(seed, trees).fit(np.concatenate(seen), learning.y[np.concatenate(trial)])
 
 
-def _thin_out(fitted: Sequence[Any]) -> None:
-    """Leave of each forest the first trees only, alike in share, if all have too many nodes."""
+def _thin_out(fitted: Sequence[Any], classes: int) -> None:
+    """Leave of each forest the first trees only, alike in share, if all have too many numbers."""
+    most = MOST_NUMBERS // (classes + 4)
     forests = [model for model in fitted if hasattr(model, "estimators_")]
     nodes = sum(tree.tree_.node_count for model in forests for tree in model.estimators_)
-    if nodes <= MOST_NODES:
+    if nodes <= most:
         return
     for model in forests:
-        model.n_estimators = max(1, len(model.estimators_) * MOST_NODES // nodes)
+        model.n_estimators = max(1, len(model.estimators_) * most // nodes)
         model.estimators_ = model.estimators_[: model.n_estimators]
 
 

@@ -15,6 +15,9 @@ was chosen. Source: our choice, docs/decisions/0039."""
 LEAST_TRYING = 0.5
 """Share of a choice's time that is left for candidates however long training takes. Source: our
 choice, 0039."""
+OVERRUN = 0.5
+"""Share of what a try has taken by which it may outlast its choice's time: to break it off loses
+all of that. Source: our choice, 0039."""
 
 
 @dataclass(slots=True)
@@ -40,6 +43,7 @@ class Budget:
     _share_start: float = 0.0
     _share_end: float = 0.0
     _trained: list[float] = field(default_factory=list)
+    _took: dict[object, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._start = self.clock()
@@ -78,3 +82,20 @@ class Budget:
     def allows(self, seconds: float) -> bool:
         """Return whether something that takes so long still fits into the share."""
         return self.clock() + seconds <= self._share_end
+
+    def starts(self, what: object) -> bool:
+        """Return whether a try may begin: one that was made in an earlier choice, whether it would
+        end in time or outlast it by little.
+
+        Args:
+            what: Names the try, the same in each choice.
+        """
+        return self.allows(self._took.get(what, 0.0) / (1.0 + OVERRUN))
+
+    def goes_on(self, spent: float, left: float) -> bool:
+        """Return whether a try that has taken `spent` seconds may take about `left` more."""
+        return self.allows(left - OVERRUN * spent)
+
+    def took(self, what: object, seconds: float) -> None:
+        """Note how long a whole try took."""
+        self._took[what] = seconds

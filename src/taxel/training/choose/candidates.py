@@ -125,6 +125,14 @@ class Candidate:
         return f"{model}{setting}{on}"
 
     @property
+    def kind_in_words(self) -> str:
+        """Return its kind in words, as "extra-trees without level"."""
+        model = MODEL_WORDS.get(self.model, self.model)
+        if self.features == PLAIN:
+            return f"{model} on {self.seen}"
+        return f"{model}{' without level' if self.features in LEVEL_FREE else ''}"
+
+    @property
     def seen(self) -> str:
         """Return its feature set in words; empty for a network."""
         return FEATURE_WORDS.get(self.features, self.features)

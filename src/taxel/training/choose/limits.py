@@ -1,20 +1,20 @@
 """Train what was chosen so that its bundle keeps to its limits of size and time.
 
-A member that costs too much is given up, with all that see the same features where it is time
-that lacks, and what is left is blended anew. Done in each outer fold as at the end, so that the
-outer score is of what is shipped. Knows nothing about scores of test trials.
+What costs too much is given up, and what is left is blended anew: where time lacks, the set of
+features, kind of forest or network without which the rest is quick enough at the least loss. Done
+in each outer fold as at the end, so that the outer score is of what is shipped. Knows nothing about
+scores of test trials.
 
 Source: docs/decisions/0039.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import torch
 from torch import nn
 
 from taxel.models.blend import Blend
@@ -22,6 +22,7 @@ from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.costs import Cost, cost_of
 from taxel.training.choose.fit_choice import copies, fit_choice
+from taxel.training.choose.pieces import Pieces
 from taxel.training.choose.preparations import Prepared
 from taxel.training.choose.search import Found
 
@@ -32,6 +33,9 @@ MOST_MB, MOST_US = 20.0, 2000.0
 BARE: Final = 0.85
 """Share of a window's time that the bare model may take: the bundle's own checks and scaling, timed
 later, take the rest. Source: our choice, docs/decisions/0039."""
+_LEAST_PRICE, _LEAST_SAVED_US = 0.002, 1.0
+"""Nats and microseconds that anything costs and saves, so that what saves nothing is never
+cheap."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,6 +75,7 @@ def fit_within(
     *,
     seed: int = 0,
     cost: Callable[[Blend, Prepared], Cost] | None = None,
+    pieces: Pieces | None = None,
 ) -> Fitted:
     """Blend and train; leave out what makes the blend too large or too slow.
 
@@ -80,61 +85,92 @@ def fit_within(
         limits: Megabytes and microseconds.
         seed: Of all that is random.
         cost: Measures a blend; `cost_of` unless given.
+        pieces: Times of pieces of blends, if some are known.
     """
-    measure = cost or cost_of
+    measure, pieces = cost or cost_of, pieces or Pieces()
+    prepared = found.part.prepared
     heads: dict[tuple[Candidate, int], nn.Module] = {}
     without: set[Candidate] = set()
     given_up: list[str] = []
     whole = choice = found.choice()
     while True:
-        blend = fit_choice(choice, found.base, found.part.prepared, train, seed, heads)
-        now = measure(blend, found.part.prepared)
-        slow = now.us > limits.bare_us and len(_units(choice)) > 1
+        blend = fit_choice(choice, found.base, prepared, train, seed, heads)
+        now = measure(blend, prepared)
         large = now.mb > limits.most_mb and len(choice.members) > 1
-        if not slow and not large:
+        units = _units(found, choice, without) if now.us > limits.bare_us else {}
+        if not units and not large:
             return Fitted(choice, blend, tuple(given_up))
-        name, unit = _dearest(choice, blend, found.part.prepared, slow=slow)
-        without |= _all_of(found, unit, slow=slow)
-        choice = found.choice(without)
+        if not units:
+            heavy = _largest(choice, blend)
+            without, names = without | {heavy}, [heavy.name]
+            choice = found.choice(without)
+        else:
+            share = limits.bare_us / now.us
+            without, choice, names = _quick_enough(
+                found, choice, without, lambda own: pieces.us(own, prepared, heads), share
+            )
         given_up.append(
-            f"{name}: {now.mb:.1f} MB and {now.us:.0f} µs with it; inner accuracy "
+            f"{', '.join(names)}: {now.mb:.1f} MB and {now.us:.0f} µs with "
+            f"{'it' if len(names) == 1 else 'them'}; inner accuracy "
             f"{whole.accuracy:.4f} → {choice.accuracy:.4f}"
         )
 
 
-def _units(choice: Choice) -> list[tuple[str, ...] | Candidate]:
-    """Return what can be left out to save time: a set of features with all on it, or a network."""
-    return list(dict.fromkeys(member.blocks or member.candidate for member in choice.members))
+def _quick_enough(
+    found: Found,
+    choice: Choice,
+    without: Set[Candidate],
+    us: Callable[[Choice], float],
+    share: float,
+) -> tuple[set[Candidate], Choice, list[str]]:
+    """Give up one thing after another until about a share of the time is left.
 
+    Of what would do at once, that which costs the least loss goes; else what costs least for the
+    time that it saves. At least one thing goes.
 
-def _dearest(
-    choice: Choice, blend: Blend, prepared: Prepared, *, slow: bool
-) -> tuple[str, tuple[str, ...] | Candidate]:
-    """Return what to give up, its name first: where time lacks, that without which the rest takes
-    least; else the member with most numbers.
+    Returns:
+        What must not be chosen, what is chosen without it, and names of what went.
     """
-    if not slow:
-        sizes = [sum(t.numel() for t in head.state_dict().values()) for head in blend.heads]
-        heavy = copies(choice)[int(np.argmax(sizes))][0].candidate
-        return heavy.name, heavy
-    units = [member.blocks or member.candidate for member, _ in copies(choice)]
-    window = _one_window(prepared)
-    left = {
-        unit: blend.seconds(*window, [n for n, other in enumerate(units) if other != unit])
-        for unit in dict.fromkeys(units)
-    }
-    unit = min(left, key=lambda key: left[key])
-    own = [m.candidate for m in choice.members if (m.blocks or m.candidate) == unit]
-    return (own[0].name if isinstance(unit, Candidate) else f"every model on {own[0].seen}"), unit
+    gone, names = set(without), list[str]()
+    now = us(choice)
+    enough = share * now
+    while not names or now > enough:
+        units = _units(found, choice, gone)
+        if not units:
+            break
+        ways = []
+        for name, unit in units.items():
+            less = found.choice(gone | unit)
+            left = us(less)
+            price = (less.loss - choice.loss + _LEAST_PRICE) / max(now - left, _LEAST_SAVED_US)
+            do = left <= enough
+            ways.append(((not do, less.loss if do else price, name), unit, less, left, name))
+        _, unit, choice, now, name = min(ways, key=lambda way: way[0])
+        gone |= unit
+        names.append(name)
+    return gone, choice, names
 
 
-def _all_of(found: Found, unit: tuple[str, ...] | Candidate, *, slow: bool) -> set[Candidate]:
-    tried = [own.candidate for _, part, own in found.board if part is found.part]
-    if slow:
-        return {own for own in tried if unit in (found.sets.get(own.features, ()), own)}
-    return {own for own in tried if own == unit}
+def _units(found: Found, choice: Choice, without: Set[Candidate]) -> dict[str, set[Candidate]]:
+    """Return what can be left out to save time, by name: all on a set of features, all forests of a
+    kind, or a network; nothing without which no candidate would be left.
+    """
+    tried = {own.candidate for _, part, own in found.board if part is found.part} - without
+    units: dict[str, set[Candidate]] = {}
+    for member in choice.members:
+        own = member.candidate
+        if not member.blocks:
+            units[own.name] = {own}
+            continue
+        alike = {other for other in tried if found.sets.get(other.features, ()) == member.blocks}
+        units[f"every model on {own.seen}"] = alike
+        if own.family == "trees":
+            kind = {other for other in tried if other.kind == own.kind}
+            units[f"every {own.kind_in_words}"] = kind
+    return {name: unit for name, unit in units.items() if tried - unit}
 
 
-def _one_window(prepared: Prepared) -> tuple[torch.Tensor, torch.Tensor]:
-    windows = prepared.dataset.windows
-    return torch.from_numpy(windows.values[:1]), torch.from_numpy(windows.mask[:1])
+def _largest(choice: Choice, blend: Blend) -> Candidate:
+    """Return the member with most numbers."""
+    sizes = [sum(t.numel() for t in head.state_dict().values()) for head in blend.heads]
+    return copies(choice)[int(np.argmax(sizes))][0].candidate

@@ -225,7 +225,8 @@ class _Search:
         fold, looked, before = self._looked.get((id(part), candidate), (-1, None, 0.0))
         clock, started = self._budget.clock, self._budget.clock() - before
         numbers = tested_folds(part.fold, ordered=part.ordered)
-        if not must and not self._budget.allows(0.0):
+        name = (candidate, part.prepared.name)
+        if not must and not self._budget.starts(name):
             return None, 0.0
         logits = np.zeros((len(part.rows), part.classes))
         for done, number in enumerate(numbers):
@@ -237,8 +238,9 @@ class _Search:
                 logits[test] = out_of_fold(part, candidate, blocks, train, test, self._seed)
             spent = clock() - started
             left = spent / (done + 1) * (len(numbers) - done - 1)
-            if not must and not self._budget.allows(left):
+            if not must and not self._budget.goes_on(spent, left):
                 return None, spent
+        self._budget.took(name, clock() - started)
         return logits[part.scored], clock() - started
 
 

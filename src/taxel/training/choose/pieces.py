@@ -1,0 +1,126 @@
+"""What the pieces of a blend take in the engine that runs it: its features, its forests, its
+networks.
+
+PyTorch's own times would not do: it takes thirteen times as long as the engine for a network's many
+small steps, and three times for features, so that the network would always seem to be the dearest.
+Knows nothing about limits, or about what is given up to keep to them.
+
+Source: docs/decisions/0039.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from time import perf_counter
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from taxel.bundles.engine import open_engine
+from taxel.bundles.writer import export_onnx
+from taxel.models.heads import TreesHead
+from taxel.models.touch_features import TouchFeatures
+from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.choice import Choice
+from taxel.training.choose.fit_choice import copies
+from taxel.training.choose.preparations import Prepared
+
+_RUNS, _QUIET = 40, 10.0
+"""Windows that are timed, and which percentile counts: another program can only lengthen a time."""
+
+Heads = Mapping[tuple[Candidate, int], nn.Module]
+"""Candidate and number of its copy → what was fitted."""
+
+
+class _OnFeatures(nn.Module):
+    """A head as a model by itself: its features are the only row of a window."""
+
+    def __init__(self, head: nn.Module) -> None:
+        super().__init__()
+        self.head = head
+
+    def forward(self, values: Tensor, mask: Tensor) -> Tensor:
+        found: Tensor = self.head((values[:, 0] * mask).double())
+        return found
+
+
+class _Nothing(nn.Module):
+    """What is only called."""
+
+    def forward(self, values: Tensor, mask: Tensor) -> Tensor:
+        return values[:, 0] * mask[:, :1]
+
+
+def engine_us(model: nn.Module, values: Tensor, mask: Tensor) -> float:
+    """Return the microseconds that a model takes for one window.
+
+    Args:
+        model: forward(values, mask) → anything.
+        values: Shape (1, steps, channels).
+        mask: Shape (1, steps).
+    """
+    engine = open_engine(export_onnx(model.eval(), *values.shape[1:]))
+    given = {"values": values.numpy(), "mask": mask.numpy()}
+    times = np.empty(_RUNS)
+    for number in range(_RUNS):
+        started = perf_counter()
+        engine.run(**given)
+        times[number] = perf_counter() - started
+    return float(np.percentile(times, _QUIET)) * 1e6
+
+
+@dataclass(slots=True)
+class Pieces:
+    """Times of pieces, each measured once for all folds.
+
+    Args:
+        measure: Times a model on one window.
+    """
+
+    measure: Callable[[nn.Module, Tensor, Tensor], float] = engine_us
+    _known: dict[tuple[object, ...], float] = field(default_factory=dict)
+
+    def us(self, choice: Choice, prepared: Prepared, heads: Heads) -> float:
+        """Return about how many microseconds a choice takes for one window, for comparison.
+
+        Linear heads take next to nothing. A forest that was not fitted takes as long as the dearest
+        that was.
+
+        Args:
+            choice: What it consists of.
+            prepared: The windows.
+            heads: Those that were fitted, by candidate and copy.
+        """
+        windows = prepared.dataset.windows
+        window = torch.from_numpy(windows.values[:1]), torch.from_numpy(windows.mask[:1])
+        shape = windows.values.shape[1:]
+        blocks = tuple(sorted({name for member in choice.members for name in member.blocks}))
+        total = 0.0
+        if blocks:
+            total += self._us((blocks, shape), TouchFeatures(blocks, prepared.pads), *window)
+        for member, copy in copies(choice):
+            head = heads.get((member.candidate, copy))
+            if member.candidate.family == "network" and head is not None:
+                total += self._us((member.candidate, shape), head, *window)
+            elif member.candidate.family == "trees":
+                total += self._forest(member.candidate, head, shape)
+        return total
+
+    def _forest(self, candidate: Candidate, head: nn.Module | None, shape: object) -> float:
+        if not isinstance(head, TreesHead):
+            known = [us for key, us in self._known.items() if key[0] == "forest"]
+            return max(known, default=0.0)
+        columns = int(head.column.max()) + 1
+        features, mask = torch.zeros(1, 1, columns), torch.ones(1, 1, dtype=torch.bool)
+        return self._us(("forest", candidate, shape), _OnFeatures(head), features, mask)
+
+    def _us(self, key: tuple[object, ...], model: nn.Module, values: Tensor, mask: Tensor) -> float:
+        if ("nothing",) not in self._known:
+            own = torch.zeros(1, 1, 1), torch.ones(1, 1, dtype=torch.bool)
+            self._known["nothing",] = self.measure(_Nothing(), *own)
+        if key not in self._known:
+            spent = self.measure(model, values, mask) - self._known["nothing",]
+            self._known[key] = max(spent, 0.0)
+        return self._known[key]

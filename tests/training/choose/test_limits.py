@@ -1,0 +1,136 @@
+"""What is given up for time is what costs least, by the times of the engine that runs it."""
+
+from itertools import chain, repeat
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor, nn
+
+from taxel.models.heads import TreesHead
+from taxel.models.touch_features import TouchFeatures
+from taxel.training.choose.budget import Budget
+from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.choice import Choice, Member
+from taxel.training.choose.costs import Cost
+from taxel.training.choose.fitting import fit_head
+from taxel.training.choose.inner_folds import Held
+from taxel.training.choose.limits import Limits, _units, fit_within
+from taxel.training.choose.pieces import Pieces, engine_us
+from taxel.training.choose.preparations import load_base, prepare_all
+from taxel.training.choose.search import Effort, Found, choose
+
+TRAIN = list(range(16))
+NETWORK = Member(candidate=Candidate("network", "touchnet", ""), blocks=(), weight=0.5,
+                 sharpness=1.0)  # fmt: skip
+FOREST = Member(candidate=Candidate("trees", "extra-trees", "statistics", 2),
+                blocks=("statistics",), weight=0.25, sharpness=1.0)  # fmt: skip
+SUM = Member(candidate=Candidate("linear", "logistic", "means", 1.0), blocks=("mean",),
+             weight=0.25, sharpness=1.0)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
+    from test_choosing import write_set
+
+    base = load_base(write_set(tmp_path_factory.mktemp("set")), "kind")
+    effort = Effort(budget=Budget(60.0))
+    return choose(base, prepare_all(base), TRAIN, Held("session"), effort)
+
+
+class Timed(Pieces):
+    """Pieces that take what a function of the choice says."""
+
+    def __init__(self, us: Any) -> None:
+        super().__init__()
+        self._of = us
+
+    def us(self, choice: Choice, *_: object) -> float:
+        return float(self._of(choice))
+
+
+def sets_of(choice: Choice) -> set[tuple[str, ...]]:
+    return {member.blocks for member in choice.members if member.blocks}
+
+
+def within(found: Found, us: Any, most_us: float) -> Any:
+    """Return what is left where a choice takes `us` microseconds, foretold; measured, the whole
+    takes as many, and what is left is quick.
+    """
+    costs = chain([us(found.choice())], repeat(0.0))
+    return fit_within(
+        found, TRAIN, Limits(most_us=most_us), cost=lambda *_: Cost(1.0, next(costs)),
+        pieces=Timed(us),
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_of_what_would_do_at_once_the_least_loss_goes(found: Found):
+    whole = found.choice()
+
+    def us(choice: Choice) -> float:
+        return 3000.0 if choice.members == whole.members else 1000.0
+
+    fitted = within(found, us, 2000.0)
+
+    ways = [found.choice(unit).loss for unit in _units(found, whole, set()).values()]
+    assert len(ways) > 2
+    assert fitted.choice.loss == min(ways)
+    assert len(fitted.given_up) == 1
+    assert "3000 µs with it; inner accuracy" in fitted.given_up[0]
+
+
+@pytest.mark.slow
+def test_what_saves_nothing_is_kept_and_several_things_go_where_one_is_not_enough(found: Found):
+    whole = found.choice()
+    assert len(sets_of(whole)) > 1
+
+    fitted = within(found, lambda choice: 1000.0 * len(sets_of(choice)), 1500.0)
+
+    assert len(sets_of(fitted.choice)) == 1
+    assert all(" on " in line.split(":")[0] for line in fitted.given_up)
+
+
+def test_each_piece_is_timed_once_without_what_any_call_takes():
+    values = np.zeros((3, 24, 2), np.float32)
+    prepared = SimpleNamespace(
+        dataset=SimpleNamespace(windows=SimpleNamespace(values=values, mask=values[:, :, 0] == 0)),
+        pads=(0, 0),
+    )
+    rng = np.random.default_rng(0)
+    y = np.arange(40) % 2
+    forest = fit_head(FOREST.candidate, rng.normal(size=(40, 6)).astype(np.float32), y, 2, 0)
+    assert isinstance(forest, TreesHead)
+    measured: list[str] = []
+
+    def measure(model: nn.Module, values: Tensor, mask: Tensor) -> float:
+        model(values, mask)
+        measured.append(type(model).__name__)
+        return {"_Nothing": 10.0, "TouchFeatures": 110.0, "_OnFeatures": 210.0}.get(
+            measured[-1], 40.0
+        )
+
+    class Net(nn.Module):
+        def forward(self, values: Tensor, mask: Tensor) -> Tensor:
+            return values[:, 0] * mask[:, :1]
+
+    heads: dict[Any, nn.Module] = {(FOREST.candidate, 0): forest}
+    heads |= {(NETWORK.candidate, copy): Net() for copy in range(3)}
+    pieces = Pieces(measure)
+
+    def us(*members: Member) -> float:
+        choice = cast(Choice, SimpleNamespace(members=members))
+        return pieces.us(choice, cast(Any, prepared), heads)
+
+    assert us(NETWORK, FOREST, SUM) == 3 * 30.0 + 100.0 + 200.0
+    assert us(NETWORK, SUM) == 3 * 30.0 + 100.0
+    assert us(NETWORK) == 3 * 30.0
+    assert sorted(measured) == ["Net", "TouchFeatures", "TouchFeatures", "_Nothing", "_OnFeatures"]
+
+
+def test_the_engine_times_features_as_they_are_exported():
+    window = torch.zeros(1, 24, 2), torch.ones(1, 24, dtype=torch.bool)
+
+    assert 1.0 < engine_us(TouchFeatures(("mean", "statistics"), (0, 0)), *window) < 1e6
