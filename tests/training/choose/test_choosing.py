@@ -14,7 +14,6 @@ from taxel.evaluation.outer_split import OuterSplit
 from taxel.evaluation.table_split import Elsewhere
 from taxel.models.blend import Blend, read_plan
 from taxel.models.touchnet import TouchNet
-from taxel.recordings.imports.importing import ImportRow, import_rows
 from taxel.training.choose.budget import TRYING, Budget
 from taxel.training.choose.candidates import Candidate, feature_sets
 from taxel.training.choose.choice import Member, read_choice, write_choice
@@ -35,29 +34,6 @@ from taxel.training.choose.search import Effort, choose
 from taxel.training.loop import Labelled, evaluate, fit, new_network
 
 RNG = np.random.default_rng(0)
-
-
-def write_set(folder: Path, *, rows: int = 30, trials_a_class: int = 8) -> Path:
-    """Write recordings of two classes that differ in frequency, each session at its own level."""
-    import_from = []
-    for number in range(2 * trials_a_class):
-        kind, session = number % 2, number // 4
-        course = np.sin(np.arange(rows)[:, None] * (0.4 + 0.8 * kind) + np.arange(4))
-        values = course + 3.0 * session + RNG.normal(0, 0.1, (rows, 4))
-        file = folder / f"t{number}.csv"
-        lines = ["a,b,c,d", *(",".join(f"{v:.3f}" for v in row) for row in values)]
-        file.write_text("\n".join(lines) + "\n")
-        import_from.append(
-            ImportRow(file=file, labels={"kind": "xy"[kind]}, groups={"session": f"s{session}"},
-                      channels="a[N] b[N] c[N] d[N]", time="rate:50Hz")
-        )  # fmt: skip
-    import_rows(import_from, folder / "recordings")
-    return folder / "recordings"
-
-
-@pytest.fixture(scope="module")
-def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_set(tmp_path_factory.mktemp("set"))
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """What is given up for time is what costs least, by the times of the engine that runs it."""
 
 from itertools import chain, repeat
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -32,10 +33,8 @@ SUM = Member(candidate=Candidate("linear", "logistic", "means", 1.0), blocks=("m
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
-    from test_choosing import write_set
-
-    base = load_base(write_set(tmp_path_factory.mktemp("set")), "kind")
+def found(recordings: Path) -> Found:
+    base = load_base(recordings, "kind")
     effort = Effort(budget=Budget(60.0))
     return choose(base, prepare_all(base), TRAIN, Held("session"), effort)
 
