@@ -24,11 +24,12 @@ from taxel.models.heads import TreesHead
 from taxel.models.touch_features import TouchFeatures
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice
-from taxel.training.choose.fit_choice import copies
+from taxel.training.choose.fit_choice import copies_of
 from taxel.training.choose.preparations import Prepared
 
-_RUNS, _QUIET = 40, 10.0
-"""Windows that are timed, and which percentile counts: another program can only lengthen a time."""
+_ROUNDS, _RUNS, _QUIET = 5, 20, 10.0
+"""Stretches of windows that are timed, windows in each, and which percentile counts in the quietest
+stretch: another program can only lengthen a time."""
 
 Heads = Mapping[tuple[Candidate, int], nn.Module]
 """Candidate and number of its copy → what was fitted."""
@@ -44,6 +45,17 @@ class _OnFeatures(nn.Module):
     def forward(self, values: Tensor, mask: Tensor) -> Tensor:
         found: Tensor = self.head((values[:, 0] * mask).double())
         return found
+
+
+class _Beside(nn.Module):
+    """Networks that see the same window: what they have in common is computed once."""
+
+    def __init__(self, networks: list[nn.Module]) -> None:
+        super().__init__()
+        self.networks = nn.ModuleList(networks)
+
+    def forward(self, values: Tensor, mask: Tensor) -> Tensor:
+        return torch.stack([network(values, mask) for network in self.networks]).sum(dim=0)
 
 
 class _Nothing(nn.Module):
@@ -63,12 +75,12 @@ def engine_us(model: nn.Module, values: Tensor, mask: Tensor) -> float:
     """
     engine = open_engine(export_onnx(model.eval(), *values.shape[1:]))
     given = {"values": values.numpy(), "mask": mask.numpy()}
-    times = np.empty(_RUNS)
-    for number in range(_RUNS):
+    times = np.empty((_ROUNDS, _RUNS))
+    for number in range(times.size):
         started = perf_counter()
         engine.run(**given)
-        times[number] = perf_counter() - started
-    return float(np.percentile(times, _QUIET)) * 1e6
+        times.flat[number] = perf_counter() - started
+    return float(np.percentile(times, _QUIET, axis=1).min()) * 1e6
 
 
 @dataclass(slots=True)
@@ -100,15 +112,17 @@ class Pieces:
         total = 0.0
         if blocks:
             total += self._us((blocks, shape), TouchFeatures(blocks, prepared.pads), *window)
-        for member, copy in copies(choice):
-            head = heads.get((member.candidate, copy))
-            if member.candidate.family == "network" and head is not None:
-                total += self._us((member.candidate, shape), head, *window)
+        for member in choice.members:
+            own = [heads[member.candidate, copy] for copy in range(copies_of(member))
+                   if (member.candidate, copy) in heads]  # fmt: skip
+            if member.candidate.family == "network" and own:
+                total += self._us((member.candidate, shape), _Beside(own), *window)
             elif member.candidate.family == "trees":
-                total += self._forest(member.candidate, head, shape)
+                total += self._forest(member.candidate, own, shape)
         return total
 
-    def _forest(self, candidate: Candidate, head: nn.Module | None, shape: object) -> float:
+    def _forest(self, candidate: Candidate, fitted: list[nn.Module], shape: object) -> float:
+        head = fitted[0] if fitted else None
         if not isinstance(head, TreesHead):
             known = [us for key, us in self._known.items() if key[0] == "forest"]
             return max(known, default=0.0)
