@@ -75,7 +75,7 @@ def test_a_table_of_folds_is_audited(
     [
         (lambda hand: Audit(data=hand / "none"), "check the path"),
         (lambda hand: Audit(data=hand, target="colour"), "--target"),
-        (lambda hand: Audit(data=hand, split="by-hand"), "group:session"),
+        (lambda hand: Audit(data=hand, split="by-hand"), "for group:KEY, groups are "),
         (lambda hand: Audit(data=hand, split="random", folds=hand), "one of --split"),
         (lambda hand: Audit(data=hand, unseen=("object",)), "--split, --folds"),
         (lambda hand: Audit(data=hand, split="random", unseen=("colour",)), "'colour'"),

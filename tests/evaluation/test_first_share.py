@@ -94,7 +94,7 @@ def test_inner_folds_are_ordered_where_each_classes_first_are_trained_on():
 def test_a_group_named_without_its_word_is_advised():
     with pytest.raises(BadSplit, match="say group:session"):
         parse_split("session", make_dataset(), "shape", 5, 0)
-    with pytest.raises(BadSplit, match="groups to name are "):
+    with pytest.raises(BadSplit, match="for group:KEY, groups are "):
         parse_split("sessions", make_dataset(), "shape", 5, 0)
     with pytest.raises(BadSplit, match="say group:take"):
         split_trials([{"take": "1"}, {"take": "2"}], np.arange(2), "take", 5, 0)

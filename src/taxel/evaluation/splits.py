@@ -262,7 +262,7 @@ def parse_split(text: str, dataset: Dataset, target: str, folds: int, seed: int)
     known = sorted(set.intersection(*(set(trial.groups) for trial in dataset.trials)))
     raise BadSplit(
         f"a split: {NAMED}", repr(text),
-        f"say group:{text}" if text in known else f"groups to name are {', '.join(known)}",
+        f"say group:{text}" if text in known else f"for group:KEY, groups are {', '.join(known)}",
     )  # fmt: skip
 
 
