@@ -157,17 +157,17 @@ def train_expert(
     effort = Effort(budget=budget, seed=seed, kept=kept, on_step=on_step)
     on_step(f"choosing on {_PART if same else _ALL}")
     found = choose(base, prepared, own, _held(base, folds), effort)
-    fitted = None
-    if same:
-        on_step(f"training what was chosen on {_PART}")
-        fitted = fit_within(found, own, limits, seed=seed)
+
+    def fitted_on(which: str) -> Fitted:
+        on_step(f"training what was chosen on {which}")
+        return fit_within(found, own, limits, seed=seed, pieces=effort.pieces)
+
+    fitted = fitted_on(_PART) if same else None
     nested = None
     if task.check:
         known = None if fitted is None else (found, fitted)
         nested = check_choosing(base, prepared, folds, effort, task.bars, limits, known)
-    if fitted is None:
-        on_step(f"training what was chosen on {_ALL}")
-        fitted = fit_within(found, own, limits, seed=seed)
+    fitted = fitted or fitted_on(_ALL)
     expert = _within(found, fitted, own, nested, limits, reject_novel, seed)
     if task.split.given.table is not None:
         both = objects_on_both(base.trials, base.y, folds)

@@ -1,4 +1,5 @@
-"""The first of numbered trials, a share of them, against the later ones. Knows nothing about folds.
+"""Groups that are numbers, and the first of such trials against the later ones. Knows nothing about
+folds.
 
 Background of our choices: docs/decisions/0040.
 """
@@ -35,7 +36,7 @@ def first_share(
         share = 0.0
     if not 0.0 < share < 1.0:
         raise BadSplit("a share between 0% and 100%, such as 70%", repr(text), "correct it")
-    numbers = _numbers(key, values)
+    numbers = group_numbers(key, values)
     pairs = set(zip(numbers.tolist(), y.tolist(), strict=True))
     if len(pairs) == len(set(numbers.tolist())) > len(set(y.tolist())) > 1:
         first = np.zeros(len(y), bool)
@@ -56,7 +57,16 @@ def first_share(
     return first, words
 
 
-def _numbers(key: str, values: NDArray[np.str_]) -> NDArray[np.float64]:
+def group_numbers(key: str, values: NDArray[np.str_]) -> NDArray[np.float64]:
+    """Return a group's values as numbers, shape (n,).
+
+    Args:
+        key: The group's name, for messages.
+        values: Each trial's, shape (n,).
+
+    Raises:
+        BadSplit: One is text, or no finite number.
+    """
     try:
         numbers = values.astype(float)
     except ValueError as error:

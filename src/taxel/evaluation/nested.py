@@ -31,7 +31,6 @@ from taxel.training.choose.fit_choice import fit_choice, predict_blend
 from taxel.training.choose.inner_folds import what_is_held
 from taxel.training.choose.joining import join
 from taxel.training.choose.limits import USUAL_LIMITS, Fitted, Limits, fit_within
-from taxel.training.choose.pieces import Pieces
 from taxel.training.choose.preparations import Base, Prepared
 from taxel.training.choose.search import Effort, Found, choose
 from taxel.training.predictions import Predictions
@@ -117,7 +116,7 @@ def check_choosing(
     """
     check_training_parts(base, split)
     tested, choices = [], []
-    costs, pieces = KnownCosts(limits.bare_us), Pieces()
+    costs = KnownCosts(limits.bare_us)
     bars_s = 0.0
     beside: dict[str, list[_Tested]] = {name: [] for name in bars}
     for fold in split.folds:
@@ -140,7 +139,7 @@ def check_choosing(
             say("training what was chosen")
             with effort.budget.training():
                 fitted = fit_within(
-                    tried, train, limits, seed=effort.seed, cost=costs, pieces=pieces
+                    tried, train, limits, seed=effort.seed, cost=costs, pieces=effort.pieces
                 )
         choice, own = fitted.choice, tried.part.prepared
         tested.append(_test(base, fitted.blend, choice, own, test))

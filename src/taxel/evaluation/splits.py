@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.evaluation.first_share import first_share
+from taxel.evaluation.first_share import first_share, group_numbers
 from taxel.windows.checks import MORE_WINDOWS, no_window
 from taxel.windows.dataset import Dataset, with_joined_label
 
@@ -201,11 +201,7 @@ def by_order(dataset: Dataset, key: str, last: float, end: float = np.inf) -> Sp
     Raises:
         BadSplit: The group is not a number, or one side is empty.
     """
-    try:
-        numbers = dataset.group(key).astype(float)
-    except ValueError as error:
-        raise BadSplit(f"numbers in the group {key!r}", f"text ({error})", "choose another group") \
-            from error  # fmt: skip
+    numbers = group_numbers(key, dataset.group(key))
     everyone = np.arange(len(numbers))
     before = everyone[numbers <= last]
     after = everyone[(numbers > last) & (numbers <= end)]

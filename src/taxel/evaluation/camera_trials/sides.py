@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.evaluation.first_share import first_share
+from taxel.evaluation.first_share import first_share, group_numbers
 from taxel.evaluation.fold_table import FoldRow, FoldTable, read_fold_table, refuse_twice
 from taxel.evaluation.shared_values import on_both_sides
 from taxel.evaluation.splits import TrialFold
@@ -261,14 +261,12 @@ def _folds(
 
 
 def _by_order(groups: Groups, y: NDArray[np.intp], key: str, last: str) -> TrialSplit:
+    numbers = group_numbers(key, values_of(groups, key))
     try:
-        numbers = values_of(groups, key).astype(float)
         limit = float(last)
     except ValueError as error:
-        if isinstance(error, BadSplit):
-            raise
-        raise BadSplit(f"numbers in the group {key!r} and behind it", str(error),
-                       "choose another group") from error  # fmt: skip
+        raise BadSplit("a number behind the group, as in order:day:3", repr(last),
+                       "correct it, or write a share such as 70%") from error  # fmt: skip
     return _one(f"{key} up to {limit:g} → above", groups, y, numbers > limit)
 
 

@@ -34,8 +34,8 @@ BARE: Final = 0.85
 """Share of a window's time that the bare model may take: the bundle's own checks and scaling, timed
 later, take the rest. Source: our choice, docs/decisions/0039."""
 _LEAST_PRICE, _LEAST_SAVED_US = 0.002, 1.0
-"""Nats and microseconds that anything costs and saves, so that what saves nothing is never
-cheap."""
+"""Nats that giving anything up costs, and microseconds that it saves, at least: else what saves
+nothing could seem cheap. Source: our choice, docs/decisions/0039."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,6 +116,31 @@ def fit_within(
         )
 
 
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """One thing that could be given up."""
+
+    name: str
+    choice: Choice
+    """Without it."""
+    us: float
+    """That the choice takes."""
+
+    def rank(self, loss: float, us: float, enough: float) -> tuple[bool, float, str]:
+        """Return what is compared, the least being the best: by loss where this is enough, else by
+        the loss that it costs for each microsecond that it saves.
+
+        Args:
+            loss: Of what is chosen now.
+            us: That it takes.
+            enough: That it may take.
+        """
+        if self.us <= enough:
+            return False, self.choice.loss, self.name
+        price = (self.choice.loss - loss + _LEAST_PRICE) / max(us - self.us, _LEAST_SAVED_US)
+        return True, price, self.name
+
+
 def _quick_enough(
     found: Found,
     choice: Choice,
@@ -141,13 +166,11 @@ def _quick_enough(
         ways = []
         for name, unit in units.items():
             less = found.choice(gone | unit)
-            left = us(less)
-            price = (less.loss - choice.loss + _LEAST_PRICE) / max(now - left, _LEAST_SAVED_US)
-            do = left <= enough
-            ways.append(((not do, less.loss if do else price, name), unit, less, left, name))
-        _, unit, choice, now, name = min(ways, key=lambda way: way[0])
-        gone |= unit
-        names.append(name)
+            ways.append(_Way(name, less, us(less)))
+        best = min(ways, key=lambda way: way.rank(choice.loss, now, enough))
+        gone |= units[best.name]
+        names.append(best.name)
+        choice, now = best.choice, best.us
     return gone, choice, names
 
 

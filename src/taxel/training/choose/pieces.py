@@ -12,24 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from time import perf_counter
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
-from taxel.bundles.engine import open_engine
 from taxel.bundles.writer import export_onnx
 from taxel.models.heads import TreesHead
 from taxel.models.touch_features import TouchFeatures
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice
+from taxel.training.choose.costs import window_us
 from taxel.training.choose.fit_choice import copies_of
 from taxel.training.choose.preparations import Prepared
-
-_ROUNDS, _RUNS, _QUIET = 5, 20, 10.0
-"""Stretches of windows that are timed, windows in each, and which percentile counts in the quietest
-stretch: another program can only lengthen a time."""
 
 Heads = Mapping[tuple[Candidate, int], nn.Module]
 """Candidate and number of its copy → what was fitted."""
@@ -73,14 +67,8 @@ def engine_us(model: nn.Module, values: Tensor, mask: Tensor) -> float:
         values: Shape (1, steps, channels).
         mask: Shape (1, steps).
     """
-    engine = open_engine(export_onnx(model.eval(), *values.shape[1:]))
-    given = {"values": values.numpy(), "mask": mask.numpy()}
-    times = np.empty((_ROUNDS, _RUNS))
-    for number in range(times.size):
-        started = perf_counter()
-        engine.run(**given)
-        times.flat[number] = perf_counter() - started
-    return float(np.percentile(times, _QUIET, axis=1).min()) * 1e6
+    model_bytes = export_onnx(model.eval(), *values.shape[1:])
+    return window_us(model_bytes, values.numpy(), mask.numpy())
 
 
 @dataclass(slots=True)

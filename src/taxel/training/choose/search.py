@@ -47,6 +47,7 @@ from taxel.training.choose.joining import fit_joining
 from taxel.training.choose.kept_tries import KeptTries
 from taxel.training.choose.networks import predict_network
 from taxel.training.choose.part import Part, Tried, training_part
+from taxel.training.choose.pieces import Pieces
 from taxel.training.choose.preparations import Base, Prepared
 
 _FEWEST = 2
@@ -65,6 +66,8 @@ class Effort:
     """What an interrupted run had tried."""
     on_step: Callable[[str], None] = lambda _: None
     """Called with a line before each try."""
+    pieces: Pieces = field(default_factory=Pieces)
+    """Times of pieces of blends, each measured once for all choices."""
 
 
 def choose(
