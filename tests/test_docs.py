@@ -77,9 +77,13 @@ def test_no_page_names_a_machine_path(page: Path):
 
 @pytest.mark.slow
 def test_the_own_array_page_works_as_it_is_written(tmp_path, monkeypatch, capsys):
-    """Its commands, in its order, on data of the kind it describes; only fewer epochs."""
+    """Its commands, in its order, on data of the kind it describes; only fewer epochs and minutes.
+
+    The new recordings are those that were imported.
+    """
     monkeypatch.chdir(tmp_path)
     _write_own_data(tmp_path / "data")
+    (tmp_path / "new-recordings").symlink_to(tmp_path / "recordings")
     done = []
     for line in "".join(SHELL.findall(OWN_ARRAY.read_text("utf-8"))).splitlines():
         words = shlex.split(line)
@@ -87,12 +91,15 @@ def test_the_own_array_page_works_as_it_is_written(tmp_path, monkeypatch, capsys
             continue
         words = ["4" if before == "--epochs" else word
                  for before, word in zip(["", *words], words, strict=False)]  # fmt: skip
-        if words[1] == "live":  # as fast as it goes: a test does not wait
-            words[3] = f"replay://{words[3]}?speed=max"
+        if words[1] == "live" and words[3].endswith(".mcap"):
+            words[3] = f"replay://{words[3]}?speed=max"  # a test does not wait
+        if words[1] == "train" and "--model" not in words:
+            words += ["--minutes", "0.05"]
         main(words[1:])  # bad input would raise SystemExit
         done.append(words[1])
 
-    assert done == ["import", "info", "view", "evaluate", "train", "bundle", "live"]
+    assert done == ["import", "info", "view", "audit", "evaluate", "train", "bundle", "evaluate",
+                    "live", "train", "bundle", "live"]  # fmt: skip
     assert "accuracy against ground truth" in capsys.readouterr().out
     assert (tmp_path / "object.taxel").is_file()
 

@@ -19,7 +19,7 @@ from taxel.training.choose.choice import Choice, Member
 from taxel.training.choose.costs import ROUNDS, RUNS, Cost
 from taxel.training.choose.fitting import fit_head
 from taxel.training.choose.inner_folds import Held
-from taxel.training.choose.limits import Limits, _units, fit_within
+from taxel.training.choose.limits import Limits, _units, _Way, fit_within
 from taxel.training.choose.pieces import Pieces, engine_us
 from taxel.training.choose.preparations import load_base, prepare_all
 from taxel.training.choose.search import Effort, Found, choose
@@ -36,7 +36,7 @@ SUM = Member(candidate=Candidate("linear", "logistic", "means", 1.0), blocks=("m
 @pytest.fixture(scope="module")
 def found(recordings: Path) -> Found:
     base = load_base(recordings, "kind")
-    effort = Effort(budget=Budget(60.0))
+    effort = Effort(budget=Budget(1e6))  # all candidates, however quick the machine
     return choose(base, prepare_all(base), TRAIN, Held("session"), effort)
 
 
@@ -82,6 +82,19 @@ def test_of_what_would_do_at_once_the_least_loss_goes(found: Found):
     assert "3000 µs with it; inner accuracy" in fitted.given_up[0]
 
 
+def test_of_what_is_not_enough_the_cheapest_for_its_time_goes_and_what_saves_nothing_last():
+    """Though the loss falls without it: a small gain on inner folds is no reason to drop a kind."""
+
+    def rank(us: float, loss: float, gone: int = 1) -> tuple[int, float, str]:
+        choice = cast(Choice, SimpleNamespace(loss=loss))
+        return _Way("it", choice, us, gone).rank(0.5, 2000.0, 1000.0)
+
+    much, little, nothing = rank(1200.0, 0.505), rank(1900.0, 0.49), rank(2000.0, 0.4)
+    assert rank(1000.0, 0.9) < much < little < nothing
+    assert rank(1500.0, 0.49) < rank(1600.0, 0.45)  # a loss that falls pays for nothing
+    assert rank(2000.0, 0.9, gone=3) < nothing
+
+
 @pytest.mark.slow
 def test_what_saves_nothing_is_kept_and_several_things_go_where_one_is_not_enough(found: Found):
     whole = found.choice()
@@ -90,9 +103,9 @@ def test_what_saves_nothing_is_kept_and_several_things_go_where_one_is_not_enoug
     fitted = within(found, lambda choice: 1000.0 * len(sets_of(choice)), 1500.0)
 
     assert len(sets_of(fitted.choice)) == 1
-    free = {member.candidate for member in whole.members if not member.blocks}
-    assert free <= {member.candidate for member in fitted.choice.members}
-    assert len(fitted.given_up) == 1
+    assert any(not member.blocks for member in whole.members)
+    (line,) = fitted.given_up
+    assert "TouchNet" not in line
 
 
 def test_each_piece_is_timed_once_without_what_any_call_takes():

@@ -34,8 +34,8 @@ BARE: Final = 0.85
 """Share of a window's time that the bare model may take: the bundle's own checks and scaling, timed
 later, take the rest. Source: our choice, docs/decisions/0039."""
 _LEAST_PRICE, _LEAST_SAVED_US = 0.002, 1.0
-"""Nats that giving anything up costs, and microseconds that it saves, at least: else what saves
-nothing could seem cheap. Source: our choice, docs/decisions/0039."""
+"""Nats that giving anything up costs at least, and microseconds below which it saves nothing.
+Source: our choice, docs/decisions/0039."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,10 +125,13 @@ class _Way:
     """Without it."""
     us: float
     """That the choice takes."""
+    gone: int
+    """How many candidates it takes away."""
 
-    def rank(self, loss: float, us: float, enough: float) -> tuple[bool, float, str]:
-        """Return what is compared, the least being the best: by loss where this is enough, else by
-        the loss that it costs for each microsecond that it saves.
+    def rank(self, loss: float, us: float, enough: float) -> tuple[int, float, str]:
+        """Return what is compared, the least being the best: by loss where this is enough; else by
+        the loss that it costs for each microsecond that it saves; last what saves nothing, for
+        another takes its place, by how few are left that could.
 
         Args:
             loss: Of what is chosen now.
@@ -136,9 +139,10 @@ class _Way:
             enough: That it may take.
         """
         if self.us <= enough:
-            return False, self.choice.loss, self.name
-        price = (self.choice.loss - loss + _LEAST_PRICE) / max(us - self.us, _LEAST_SAVED_US)
-        return True, price, self.name
+            return 0, self.choice.loss, self.name
+        if us - self.us < _LEAST_SAVED_US:
+            return 2, -self.gone, self.name
+        return 1, (max(self.choice.loss - loss, 0.0) + _LEAST_PRICE) / (us - self.us), self.name
 
 
 def _quick_enough(
@@ -166,7 +170,7 @@ def _quick_enough(
         ways = []
         for name, unit in units.items():
             less = found.choice(gone | unit)
-            ways.append(_Way(name, less, us(less)))
+            ways.append(_Way(name, less, us(less), len(unit)))
         best = min(ways, key=lambda way: way.rank(choice.loss, now, enough))
         gone |= units[best.name]
         names.append(best.name)
