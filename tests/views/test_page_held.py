@@ -17,6 +17,8 @@ from taxel.views.page import serving as page_server
 from taxel.views.page.server import PageServer, serve_page
 
 SHORT_S = 0.3
+LONG_S = 600.0
+"""A patience that no test outlasts: who is waited for is waited for in vain."""
 
 
 class Station:
@@ -55,22 +57,28 @@ def opened(server: PageServer, said: bytes = b"") -> socket.socket:
 
 def cookie(server: PageServer) -> str:
     token = server.url.partition("#")[2]
-    answer = httpx.post(f"{server.origin}/enter", content=token, headers={"Origin": server.origin})
+    headers = {"Origin": server.origin}
+    answer = httpx.post(f"{server.origin}/enter", content=token, headers=headers, timeout=30)
     assert answer.status_code == 204
     return answer.headers["set-cookie"].partition(";")[0]
 
 
-def see_the_page(server: PageServer) -> float:
-    """Open the page as a browser does, to its first push; return the seconds that it took."""
-    began_s = time.monotonic()
-    assert httpx.get(server.origin, timeout=5).status_code == 200
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Deadlines far behind the test's own: the page opens beside who holds on, not after them."""
+    monkeypatch.setattr(page_server, "PATIENCE_S", LONG_S)
+    monkeypatch.setattr(clients, "UNSEEN_S", LONG_S)
+
+
+def see_the_page(server: PageServer) -> None:
+    """Open the page as a browser does, to its first push."""
+    assert httpx.get(server.origin, timeout=30).status_code == 200
     address = server.origin.replace("http", "ws") + "/live"
     headers = {"Cookie": cookie(server)}
     options = {"additional_headers": headers, "max_size": None, "compression": None}
     with connect(address, origin=server.origin, **options) as page:
-        assert isinstance(page.recv(timeout=5), bytes)
-        assert json.loads(page.recv(timeout=5))["number"] == 1
-    return time.monotonic() - began_s
+        assert isinstance(page.recv(timeout=30), bytes)
+        assert json.loads(page.recv(timeout=30))["number"] == 1
 
 
 def wait_for(true: Callable[[], bool], timeout_s: float = 10.0) -> None:
@@ -107,7 +115,7 @@ def dripping(held: list[socket.socket]) -> Iterator[None]:
 
 @pytest.mark.parametrize("count", [63, 64, 500])
 @pytest.mark.parametrize("said", [b"", HALF, UPGRADE, BODY], ids=["", "half", "upgrade", "body"])
-def test_the_page_opens_within_a_second_whoever_holds_on(count: int, said: bytes):
+def test_the_page_opens_whoever_holds_on(count: int, said: bytes, patient: None):
     """Silent sockets, and headers, handshakes and bodies that never end; 63 and the page's own
     connection are as many as the server holds.
     """
@@ -116,14 +124,14 @@ def test_the_page_opens_within_a_second_whoever_holds_on(count: int, said: bytes
         said = said % (own, own) if b"%b" in said else said
         for _ in range(count):
             stack.enter_context(opened(server, said))
-        assert see_the_page(server) <= 1.0
+        see_the_page(server)
 
 
-def test_the_page_opens_within_a_second_while_500_drip_a_header_byte_by_byte():
+def test_the_page_opens_while_500_drip_a_header_byte_by_byte(patient: None):
     with serve_page(Station()) as server, ExitStack() as stack:
         held = [stack.enter_context(opened(server, HALF)) for _ in range(500)]
         with dripping(held):
-            assert see_the_page(server) <= 1.0
+            see_the_page(server)
 
 
 def test_a_page_that_is_open_stays_open_while_others_hold_on():
@@ -184,9 +192,10 @@ def test_eight_pages_that_read_nothing_are_let_go(monkeypatch: pytest.MonkeyPatc
 
         def gets_in() -> bool:
             try:
-                return see_the_page(server) > 0
+                see_the_page(server)
             except WebSocketException:
                 return False
+            return True
 
         wait_for(gets_in)
 
