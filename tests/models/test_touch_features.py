@@ -16,7 +16,7 @@ from taxel.models.touch_features import (
     fitting_blocks,
     pads_of,
 )
-from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.candidates import Candidate, feature_sets
 from taxel.training.choose.fitting import FITS, fit_head, head_logits
 
 RNG = np.random.default_rng(0)
@@ -34,7 +34,10 @@ def padded(rows: int) -> tuple[np.ndarray, np.ndarray]:
     return VALUES * mask[:, :, None], mask
 
 
-@pytest.mark.parametrize("block", sorted(set(BLOCKS) - {"rows", "centred", "octaves", "spectrum"}))
+@pytest.mark.parametrize(
+    "block",
+    sorted(set(BLOCKS) - {"rows", "centred", "octaves", "spectrum", "distribution"}),
+)
 def test_padding_is_no_feature(block: str):
     """A short window gives what it gives with rows of padding behind it."""
     values, mask = padded(12)
@@ -130,6 +133,44 @@ def test_parts_are_means_over_equal_times():
 
     np.testing.assert_allclose(found[:2], [(0 + 0.5) / 1.5, (0.5 + 2) / 1.5], rtol=1e-6)
     assert found.mean() == pytest.approx(11.5)
+
+
+def test_a_distribution_is_quantiles_of_values_and_of_changes():
+    """Of a ramp from 0 to 63: changes over 4 rows are all 4, over 16 rows 16; 64 have no room."""
+    values = np.arange(64, dtype=np.float32)[None, :, None]
+
+    found = compute_features(("distribution",), (0,), values, np.ones((1, 64), bool))[0]
+
+    assert found[:13].tolist() == [
+        round(share * 63) - 31.5
+        for share in (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
+    ]  # fmt: skip
+    assert found[13:].tolist() == [4.0] * 7 + [16.0] * 7
+
+
+def test_a_distribution_does_not_see_padding():
+    """20 rows give the same behind 4 rows of padding as behind 20; without them it is 0."""
+    rows = RNG.normal(size=(5, 40, 2)).astype(np.float32)
+    mask = np.arange(40)[None].repeat(5, 0) < 20
+    rows[~mask] = 0.0
+
+    few, many = (
+        compute_features(("distribution",), (0, 0), rows[:, :steps], mask[:, :steps])
+        for steps in (24, 40)
+    )
+
+    np.testing.assert_allclose(few, many, atol=1e-6)
+    none = compute_features(("distribution",), (0, 0), 0 * rows, np.zeros_like(mask))
+    assert not none.any()
+
+
+def test_windows_with_padding_have_no_distributions_nor_rows():
+    whole, some = (feature_sets(24, 4, padded=padded) for padded in (False, True))
+
+    assert set(whole) - set(some) == {
+        "all with distributions", "distributions without level", "both rows", "rows",
+        "rows across the pad", "rows without level",
+    }  # fmt: skip
 
 
 def test_one_row_has_the_blocks_of_one_row_only():

@@ -24,6 +24,12 @@ SEGMENTS, PARTS = 8, 16
 """Equal parts of a window whose means are taken, less the window's mean and as they are. Source:
 our choice, 0039."""
 QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
+FINE_QUANTILES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
+"""Of values, in the block `distribution`. Source: our choice, 0039."""
+CHANGE_ROWS = (4, 16, 64)
+"""Rows over which changes are taken there, in windows of four times as many. Source: as above."""
+CHANGE_QUANTILES = (0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 0.98)
+"""Of those changes. Source: as above."""
 MOST_SORTED = 200
 """Rows of which quantiles are taken; of up to twice as many, all. Source: our choice, 0039."""
 SPECTRUM_ROWS = (8, 64)
@@ -84,23 +90,45 @@ def _parts(touch: Touch) -> Tensor:
 
 
 def _quantiles(touch: Touch) -> Tensor:
-    """Quantiles less the mean, and how often the course crosses its mean.
-
-    Of long windows the quantiles are those of evenly spaced rows: sorting would take most of a
-    recogniser's time.
-    """
-    every = max(1, int(touch.values.shape[1]) // MOST_SORTED)
-    present = touch.present[:, ::every]
-    count = present.sum(dim=1).clamp(min=1.0)
-    ordered, _ = (touch.values[:, ::every] * present + FAR * (1.0 - present)).sort(dim=1)
-    levels = torch.tensor(QUANTILES, dtype=torch.float64)
-    index = (levels * (count - 1.0) + 0.5).floor().long().unsqueeze(2)
-    taken = torch.gather(ordered, 1, index.expand(-1, -1, ordered.shape[2]))
+    """Quantiles less the mean, and how often the course crosses its mean."""
+    taken = _at_quantiles(touch.values, touch.present, QUANTILES)
     side = (touch.centred > touch.rounding.unsqueeze(1)).double()
     both = touch.present[:, 1:] * touch.present[:, :-1]
     crossed = ((side[:, 1:] - side[:, :-1]).abs() * both).sum(dim=1)
     rate = crossed / (touch.count - 1.0).clamp(min=1.0)
     return torch.cat([(taken - touch.mean.unsqueeze(1)).flatten(1), rate], dim=1)
+
+
+def _distribution(touch: Touch) -> Tensor:
+    """Finer quantiles less the mean, and quantiles of changes over few and many rows."""
+    found = [_at_quantiles(touch.values, touch.present, FINE_QUANTILES) - touch.mean.unsqueeze(1)]
+    for rows in CHANGE_ROWS:
+        if int(touch.values.shape[1]) >= 4 * rows:
+            change = touch.values[:, rows:] - touch.values[:, :-rows]
+            both = touch.present[:, rows:] * touch.present[:, :-rows]
+            found.append(_at_quantiles(change * both, both, CHANGE_QUANTILES))
+    return torch.cat([part.flatten(1) for part in found], dim=1)
+
+
+def _at_quantiles(values: Tensor, present: Tensor, levels: tuple[float, ...]) -> Tensor:
+    """Return each channel's quantiles, the nearest row's value, shape (n, levels, channels).
+
+    Of long windows those of evenly spaced rows: sorting would take most of a recogniser's time.
+    Where no row is present they are 0.
+
+    Args:
+        values: Shape (n, steps, channels).
+        present: Shape (n, steps, 1).
+        levels: Shares of the rows, 0…1.
+    """
+    every = max(1, int(values.shape[1]) // MOST_SORTED)
+    here = present[:, ::every]
+    count = here.sum(dim=1)
+    ordered, _ = (values[:, ::every] * here + FAR * (1.0 - here)).sort(dim=1)
+    shares = torch.tensor(levels, dtype=torch.float64)
+    index = (shares * (count.clamp(min=1.0) - 1.0) + 0.5).floor().long().unsqueeze(2)
+    taken = torch.gather(ordered, 1, index.expand(-1, -1, ordered.shape[2]))
+    return taken * (count > 0.0).double().unsqueeze(2)
 
 
 def _octaves(touch: Touch) -> Tensor:
@@ -163,6 +191,7 @@ BLOCKS: dict[str, tuple[Callable[[Touch], Tensor], int]] = {
     "course": (_course, SEGMENTS),
     "parts": (_parts, 2),
     "quantiles": (_quantiles, 10),
+    "distribution": (_distribution, 4 * CHANGE_ROWS[0]),
     "octaves": (_octaves, 4),
     "spectrum": (_spectrum, SPECTRUM_ROWS[0]),
     "pattern": (_pattern, 2),

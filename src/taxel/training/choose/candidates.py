@@ -22,6 +22,8 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "all": ("level", "tared", *_FREE, "pattern"),
     "means": ("mean",),
     "without level": _FREE,
+    "all with distributions": ("level", "tared", *_FREE, "pattern", "distribution"),
+    "distributions without level": (*_FREE, "distribution"),
     "all with parts": ("level", "tared", *_FREE, "pattern", "parts"),
     "statistics": ("statistics",),
     "across the pad": (*_UNIT, *_FREE, "pattern"),
@@ -36,7 +38,8 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
 PLAIN = "means"
 """The set of each channel's level alone: often what a drift leaves best."""
 LEVEL_FREE = (
-    "without level", "tared", "across the pad", "rows across the pad", "rows without level",
+    "without level", "distributions without level", "tared", "across the pad",
+    "rows across the pad", "rows without level",
 )  # fmt: skip
 """Sets that a drift of the channels' rest level, or of all of a pad's, leaves as they are."""
 MOST_ROW_VALUES = 1500
@@ -66,6 +69,8 @@ FEATURE_WORDS = {
     "all": "all features",
     "without level": "features without level",
     "means": "channel means",
+    "all with distributions": "all features with distributions",
+    "distributions without level": "features without level, with distributions",
     "all with parts": "all features with parts",
     "across the pad": "features across the pad",
     "tared": "tared features",
@@ -141,8 +146,8 @@ class Candidate:
 def feature_sets(steps: int, channels: int, padded: bool = False) -> dict[str, tuple[str, ...]]:
     """Return the feature sets that windows of this size have, without those that are alike.
 
-    Rows themselves would show how much of a window is padding, and so a trial's length; means over
-    its parts do not.
+    Rows themselves would show how much of a window is padding, and so a trial's length, and so
+    would changes over more rows than a trial has; means over its parts do not.
 
     Args:
         steps: Rows in a window.
@@ -151,6 +156,8 @@ def feature_sets(steps: int, channels: int, padded: bool = False) -> dict[str, t
     """
     rows = not padded and steps * channels <= MOST_ROW_VALUES
     without = set() if rows else ROW_BLOCKS
+    if padded:
+        without = without | {"distribution"}
     if steps <= PARTS and not padded:
         without = without | {"parts"}
     found: dict[str, tuple[str, ...]] = {}
@@ -178,28 +185,30 @@ def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]
     """Return one of each kind, the most informative for its time first.
 
     All kinds on the broadest sets, early among them the network, which is like nothing else; then
-    linear models on the other sets, which say what carries over, and perceptrons; last trees on
-    those sets, which take most time.
+    discriminants on the other sets, which say in no time what carries over, logistic regression
+    and perceptrons; last trees on those sets, which take most time.
 
     Args:
         sets: Feature sets of these windows, the broadest first.
         steps: Rows in a window.
     """
 
-    def linear(name: str) -> list[Candidate]:
-        strength = 1.0 if name == PLAIN else 0.03
-        return [discriminant(name, 0.3), Candidate("linear", "logistic", name, strength)]
+    def logistic(name: str) -> Candidate:
+        return Candidate("linear", "logistic", name, 1.0 if name == PLAIN else 0.03)
 
     def trees(name: str) -> Candidate:
         return Candidate("trees", "extra-trees", name, 2)
 
     early, late = list(sets)[:3], list(sets)[3:]
-    found = [candidate for name in early for candidate in (*linear(name), trees(name))]
+    found = [
+        candidate for name in early
+        for candidate in (discriminant(name, 0.3), logistic(name), trees(name))
+    ]  # fmt: skip
     found.insert(3, Candidate("trees", "random-forest", early[0], 2))
     least, most = NETWORK_ROWS
     if least <= steps <= most:
         found.insert(3, Candidate("network", "touchnet", ""))
-    found += [candidate for name in late for candidate in linear(name)]
+    found += [discriminant(name, 0.3) for name in late] + [logistic(name) for name in late]
     found += [Candidate("perceptron", "perceptron", n, 3.0) for n in early if n != PLAIN]
     return found + [trees(name) for name in late]
 
@@ -216,9 +225,9 @@ def second_round(steady: list[str], linear: list[str], trees: list[str]) -> list
     names = [name for name in (linear[0], free) if name not in ("", PLAIN)]
     if not names:
         names = [linear[0]]
-    found = [Candidate("perceptron", "perceptron", name, 3.0) for name in names]
+    found = [discriminant(steady[0], shrink) for shrink in (0.1, 0.6)]
+    found += [Candidate("perceptron", "perceptron", name, 3.0) for name in names]
     found += [Candidate("linear", "logistic", name, c) for c in (0.003, 0.3) for name in names]
-    found += [discriminant(steady[0], shrink) for shrink in (0.1, 0.6)]
     if trees[0] not in names:
         found += [Candidate("perceptron", "perceptron", trees[0], 3.0)]
     found += [Candidate("trees", "extra-trees", trees[0], leaf) for leaf in (10, 1)]
