@@ -184,9 +184,9 @@ def discriminant(features: str, shrink: float) -> Candidate:
 def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]:
     """Return one of each kind, the most informative for its time first.
 
-    All kinds on the broadest sets, early among them the network, which is like nothing else; then
-    discriminants on the other sets, which say in no time what carries over, logistic regression
-    and perceptrons; last trees on those sets, which take most time.
+    All models on the broadest set; discriminants on all others, which say in no time what carries
+    over; the network, which is like nothing else; all models on the next broad sets; last, on the
+    other sets, logistic regression, perceptrons, and trees, which take most time.
 
     Args:
         sets: Feature sets of these windows, the broadest first.
@@ -199,17 +199,17 @@ def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]
     def trees(name: str) -> Candidate:
         return Candidate("trees", "extra-trees", name, 2)
 
-    early, late = list(sets)[:3], list(sets)[3:]
-    found = [
-        candidate for name in early
-        for candidate in (discriminant(name, 0.3), logistic(name), trees(name))
-    ]  # fmt: skip
-    found.insert(3, Candidate("trees", "random-forest", early[0], 2))
+    first, *others = list(sets)
+    early, late = others[:2], others[2:]
+    found = [discriminant(first, 0.3), logistic(first), trees(first)]
+    found += [discriminant(name, 0.3) for name in others]
     least, most = NETWORK_ROWS
     if least <= steps <= most:
-        found.insert(3, Candidate("network", "touchnet", ""))
-    found += [discriminant(name, 0.3) for name in late] + [logistic(name) for name in late]
-    found += [Candidate("perceptron", "perceptron", n, 3.0) for n in early if n != PLAIN]
+        found.append(Candidate("network", "touchnet", ""))
+    found.append(Candidate("trees", "random-forest", first, 2))
+    found += [model(name) for name in early for model in (logistic, trees)]
+    found += [logistic(name) for name in late]
+    found += [Candidate("perceptron", "perceptron", n, 3.0) for n in (first, *early) if n != PLAIN]
     return found + [trees(name) for name in late]
 
 
