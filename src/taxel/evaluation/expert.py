@@ -25,6 +25,7 @@ from taxel.evaluation.splits import Split, TrialFold
 from taxel.models.blend import EXPERT, Blend
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.choice import Choice
+from taxel.training.choose.costs import quietest_us
 from taxel.training.choose.fit_choice import fit_choice
 from taxel.training.choose.inner_folds import Held, what_is_held
 from taxel.training.choose.kept_tries import KeptTries
@@ -52,8 +53,6 @@ choice, docs/decisions/0039."""
 _ALL, _PART = "all data", "the training part"
 """What is chosen on, in words."""
 _PARITY_WINDOWS = 500
-_TIMED, _QUIET = 200, 10.0
-"""Windows that are timed, and which percentile counts: another program can only lengthen a time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -344,16 +343,7 @@ def measure(run: Run, windows: Windows) -> Measured:
         contract: Contract = write_bundle(
             path, run.networks, run.contract, windows.values, windows.mask
         )
-        bundle = read_bundle(path)
-        times = []
-        for number in range(_TIMED):
-            place = number % len(windows)
-            part = slice(place, place + 1)
-            started = perf_counter()
-            bundle.probabilities(windows.values[part], windows.mask[part])
-            times.append(perf_counter() - started)
+        us = quietest_us(read_bundle(path).probabilities, windows.values, windows.mask)
         size = path.stat().st_size
     assert contract.parity is not None
-    return Measured(
-        mb=size / 1e6, us=float(np.percentile(times, _QUIET)) * 1e6, parity=contract.parity
-    )
+    return Measured(mb=size / 1e6, us=us, parity=contract.parity)

@@ -11,7 +11,7 @@ import zlib
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from time import perf_counter
+from time import perf_counter, sleep
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from taxel.training.choose.preparations import Prepared
 ROUNDS, RUNS, QUIET = 4, 30, 10.0
 """Stretches of single windows that are timed, windows in each, and which percentile counts in the
 quietest stretch: another program can only lengthen a time."""
+APART_S = 0.2
+"""Between stretches, seconds: in every fourth stretch a shared machine was half as quick, for a
+tenth to a third of a second. Source: our choice, docs/decisions/0039."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +56,29 @@ def window_us(model: bytes, values: NDArray[np.float32], mask: NDArray[np.bool_]
         mask: Shape (n, steps).
     """
     engine = open_engine(model)
+    return quietest_us(lambda *window: engine.run(values=window[0], mask=window[1]), values, mask)
+
+
+def quietest_us(
+    run: Callable[[NDArray[np.float32], NDArray[np.bool_]], object],
+    values: NDArray[np.float32],
+    mask: NDArray[np.bool_],
+) -> float:
+    """Return the microseconds that one window takes in a machine's quiet moments.
+
+    Args:
+        run: Called with one window, shape (1, steps, channels), and its mask.
+        values: Windows, shape (n, steps, channels).
+        mask: Shape (n, steps).
+    """
     times = np.empty((ROUNDS, RUNS))
     for number in range(times.size):
+        if number and number % RUNS == 0:
+            sleep(APART_S)
         place = number % len(values)
         part = slice(place, place + 1)
         started = perf_counter()
-        engine.run(values=values[part], mask=mask[part])
+        run(values[part], mask[part])
         times.flat[number] = perf_counter() - started
     return float(np.percentile(times, QUIET, axis=1).min()) * 1e6
 
