@@ -14,7 +14,13 @@ from hypothesis import strategies as st
 import taxel
 from taxel import frame_codec
 from taxel.errors import BadSource
-from taxel.frame_codec import decode_grey_quarter, decode_jpeg, encode_jpeg
+from taxel.frame_codec import (
+    decode_grey_quarter,
+    decode_jpeg,
+    decode_still,
+    encode_jpeg,
+    still_size,
+)
 from taxel.jpeg_head import LARGEST_PX, JpegHead, fits, read_head
 from taxel.signals import CameraInfo
 
@@ -98,6 +104,41 @@ def test_what_cameras_send_is_decoded_as_ever() -> None:
         assert decode_grey_quarter(jpeg, CAMERA).shape == (60, 80)
     assert read_head(GOOD, SIZE) == JpegHead(320, 240, 3)
     assert read_head(grey) == JpegHead(320, 240, 1)
+
+
+@pytest.mark.parametrize("jpeg", [PROGRESSIVE, GOOD + b"\x00notes", PROGRESSIVE + GOOD])
+def test_a_file_of_ones_own_may_be_progressive_and_go_on_behind_its_image(jpeg: bytes) -> None:
+    bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+
+    assert still_size(jpeg) == SIZE
+    assert np.array_equal(decode_still(jpeg), bgr[:, :, ::-1])
+    with pytest.raises(BadSource):
+        decode_jpeg(jpeg, CAMERA)
+
+
+@pytest.mark.parametrize(
+    "what",
+    sorted(
+        set(HOSTILE)
+        - {"progressive", "a size that is not the camera's", "a PNG", "a PNG with a JPEG's end"}
+    ),
+)
+def test_what_costs_more_than_its_bytes_is_refused_in_a_file_of_ones_own(
+    what: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decoded = []
+    monkeypatch.setattr(frame_codec.cv2, "imdecode", lambda *_: decoded.append(1))
+    with pytest.raises(BadSource):
+        decode_still(HOSTILE[what])
+    assert decoded == []
+
+
+def test_a_progressive_file_of_many_passes_is_refused() -> None:
+    at = PROGRESSIVE.index(b"\xff\xda")
+    length = int.from_bytes(PROGRESSIVE[at + 2 : at + 4], "big")
+    scan = PROGRESSIVE[at : at + 2 + length] + b"\x00\x00"
+    with pytest.raises(BadSource, match="32 if progressive"):
+        decode_still(PROGRESSIVE[:at] + scan * 33 + b"\xff\xd9")
 
 
 def segment(mark: int, content: bytes) -> bytes:

@@ -171,7 +171,7 @@ def still_size(image: bytes) -> tuple[int, int]:
     if is_raster(image):
         return raster_size(image)
     if not image.startswith(_PNG):
-        head = read_head(image)
+        head = read_head(image, own_file=True)
         return head.width, head.height
     width, height = (int.from_bytes(image[at : at + 4], "big") for at in _PNG_SIDES)
     check_size(width, height)

@@ -3,11 +3,12 @@
 A file of 673 bytes can declare 20,000 × 20,000 pixels or a thousand passes over the image, so
 that decoding it takes gigabytes or half a minute. Tactile cameras send sequential 8-bit JPEG with
 Huffman coding, at most one scan a colour component; anything else is refused here, in time linear
-in the bytes. Knows nothing about pixels, cameras or OpenCV.
+in the bytes. A file of one's own may also be progressive, and go on behind its image as those of
+phones do. Knows nothing about pixels, cameras or OpenCV.
 
 Source: ITU-T T.81, annex B (markers) and table B.1.
 
-Background of our choices: docs/decisions/0033.
+Background of our choices: docs/decisions/0031.
 """
 
 from __future__ import annotations
@@ -24,6 +25,11 @@ GelSight's sensor; 48 MiB decoded. Source: our choice, docs/decisions/0031."""
 _START, _END = b"\xff\xd8", b"\xff\xd9"
 _SEQUENTIAL = (0xC0, 0xC1)
 """Baseline and extended sequential, Huffman-coded. Source: T.81, table B.1."""
+_PROGRESSIVE = 0xC2
+"""Progressive, Huffman-coded. Source: as above."""
+_MOST_PASSES = 32
+"""Scans of a progressive file of one's own: libjpeg writes ten. Source: our choice,
+docs/decisions/0031."""
 _FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 """Markers that begin a frame; C4 is Huffman tables, C8 reserved, CC arithmetic conditioning."""
 _SCAN, _END_MARK = 0xDA, 0xD9
@@ -54,21 +60,25 @@ class JpegHead:
     """1 grey, 3 colour."""
 
 
-def read_head(jpeg: bytes, size: tuple[int, int] | None = None) -> JpegHead:
+def read_head(
+    jpeg: bytes, size: tuple[int, int] | None = None, *, own_file: bool = False
+) -> JpegHead:
     """Return what a JPEG declares, once all that it declares is fit to be decoded.
 
     Args:
         jpeg: The whole image, from its start mark to its end mark.
         size: (width, height) that it must have, pixels; None takes any up to `LARGEST_PX`.
+        own_file: Whether it is a file of one's own, which may be progressive and go on behind
+            its end mark; a camera's frame may not.
 
     Raises:
         BadSource: It is no JPEG or cut short, of another size, too large, or of a coding that
             tactile cameras do not send: progressive, lossless, arithmetic, 12 bits, many scans.
     """
-    if not (jpeg.startswith(_START) and jpeg.endswith(_END)):
+    if not jpeg.startswith(_START) or not (jpeg.endswith(_END) or (own_file and _END in jpeg)):
         raise BadSource("a whole JPEG image", f"{len(jpeg)} bytes that are none", _MEND)
     head: JpegHead | None = None
-    scans, at = 0, 2
+    scans, most_scans, at = 0, 0, 2
     for _ in range(_MOST_SEGMENTS):
         mark, at = _next_mark(jpeg, at)
         if mark == _END_MARK:
@@ -79,16 +89,18 @@ def read_head(jpeg: bytes, size: tuple[int, int] | None = None) -> JpegHead:
         if mark in _FRAMES:
             if head is not None:
                 raise BadSource("a JPEG of one image", "one with several frames", _MEND)
-            head = _frame(mark, jpeg[at + 2 : end], size)
+            head, most_scans = _frame(mark, jpeg[at + 2 : end], size, own_file=own_file)
             most = 3 * head.width * head.height + _SPARE_BYTES
             if len(jpeg) > most:
                 raise BadSource(f"at most {most:,} bytes for its size", f"{len(jpeg):,}", _MEND)
         elif mark == _SCAN:
             scans += 1
-            if head is None or scans > head.components:
+            if head is None or scans > most_scans:
                 raise BadSource(
-                    "a JPEG with at most one scan a colour", f"one with {scans} or more", _MEND
-                )
+                    "a JPEG with at most one scan a colour"
+                    + (f", or {_MOST_PASSES} if progressive" if own_file else ""),
+                    f"one with {scans} or more", _MEND,
+                )  # fmt: skip
             end = _data_end(jpeg, end)
         at = end
     else:
@@ -136,9 +148,12 @@ def _length(jpeg: bytes, at: int) -> int:
     return length
 
 
-def _frame(mark: int, body: bytes, size: tuple[int, int] | None) -> JpegHead:
-    """Return what a frame's head says, where it may be decoded."""
-    if mark not in _SEQUENTIAL:
+def _frame(
+    mark: int, body: bytes, size: tuple[int, int] | None, *, own_file: bool
+) -> tuple[JpegHead, int]:
+    """Return what a frame's head says, and how many scans it may have, where it may be decoded."""
+    progressive = own_file and mark == _PROGRESSIVE
+    if mark not in _SEQUENTIAL and not progressive:
         raise BadSource(
             "a sequential JPEG, as cameras send it", f"coding {mark - 0xC0} (2: progressive)", _MEND
         )
@@ -154,7 +169,7 @@ def _frame(mark: int, body: bytes, size: tuple[int, int] | None) -> JpegHead:
             f"images of {size[0]} × {size[1]} px", f"one of {width} × {height} px", _MEND
         )
     check_size(width, height)
-    return JpegHead(width, height, components)
+    return JpegHead(width, height, components), _MOST_PASSES if progressive else components
 
 
 def check_size(width: int, height: int) -> None:

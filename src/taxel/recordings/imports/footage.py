@@ -1,4 +1,4 @@
-"""Frames of one camera from a video file, from a folder of images, or from one image.
+"""Frames of one camera from a video, a folder of images, one image, or an array of images.
 
 A video's coding has no check sums: damage that the decoder can conceal is not noticed. Images of
 a folder come in the order of the numbers in their names. Knows nothing about tables, trials or
@@ -24,6 +24,7 @@ from taxel.foreign.files import MIB, open_file, read_bytes
 from taxel.frame_codec import decode_still, still_size
 from taxel.jpeg_head import check_size
 from taxel.raster_head import is_raster
+from taxel.recordings.imports.frame_arrays import ENDING, FrameArray
 
 LARGEST_SIDE = 8192
 """Pixels; beyond it a frame alone takes 200 MB. Source: our choice."""
@@ -46,13 +47,15 @@ Result = TypeVar("Result")
 
 
 def open_footage(path: Path) -> Footage:
-    """Open a video, a folder of images, or one image: footage of one frame.
+    """Open a video, a folder of images, one image (footage of one frame), or a `.npy` of images.
 
     Raises:
         BadTable: It is missing, empty, cut short, or larger than any camera's.
     """
     if path.is_dir() or (path.is_file() and path.suffix.lower() in IMAGES):
         return Images(path)
+    if path.suffix.lower() == ENDING:
+        return FrameArray(path, NO_RATE_HZ)
     return Video(path)
 
 
@@ -77,7 +80,7 @@ class Video:
         _refuse_side(path, self.width, self.height)
         if not self._capture.isOpened() or self.count < 1 or self.rate_hz <= 0:
             raise BadTable(
-                f"a video with frames, or an image ({', '.join(IMAGES)})",
+                f"a video with frames, an image ({', '.join(IMAGES)}), or a .npy of images",
                 f"{path} of {path.stat().st_size} bytes without any",
                 "copy or record it again",
             )
@@ -176,7 +179,7 @@ class Images:
         """Do nothing: no file stays open."""
 
 
-Footage = Video | Images
+Footage = Video | Images | FrameArray
 """What `open_footage` gives: count, rate_hz, width, height, path and frames."""
 
 

@@ -1,0 +1,87 @@
+"""Frames of one camera from a `.npy` file: an array of 8-bit images, one after another.
+
+Nothing is unpickled, and a file may be larger than memory. Knows nothing about tables, trials or
+recordings.
+
+Background of our choices: docs/decisions/0041.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadFile, BadSource, BadTable
+from taxel.foreign.files import MIB, open_file
+from taxel.foreign.held_arrays import Numbers
+from taxel.foreign.npz_file import NpyFile
+from taxel.jpeg_head import check_size
+
+ENDING = ".npy"
+_SHAPES = "8-bit images (uint8) of shape (frames, height, width) or (frames, height, width, 3)"
+_COLOURS = (1, 3)
+
+
+class FrameArray:
+    """An open array of frames.
+
+    Args:
+        path: A `.npy` file: uint8, shape (frames, height, width), or with a last axis of 1 or 3
+            colours, red first; or one image, shape (height, width, 3).
+        rate_hz: Frames a second, which such a file does not say.
+
+    Raises:
+        BadTable: It is missing, damaged, of another shape or type, or larger than any camera's.
+    """
+
+    def __init__(self, path: Path, rate_hz: float) -> None:
+        self.path = path
+        self.rate_hz = rate_hz
+        try:
+            held = NpyFile(path).get("")
+        except BadFile as error:
+            raise BadTable(f"{error.needed} in {path}", error.got, error.mend) from error
+        except OSError as error:
+            raise BadTable(
+                "a video of each camera", f"{path}: {error.strerror or error}", "check the path"
+            ) from error
+        shape = held.shape if isinstance(held, Numbers) else ()
+        if len(shape) == 3 and shape[2] == 3:
+            shape = (1, *shape)
+        colours = shape[3] if len(shape) == 4 else 1
+        if (
+            not isinstance(held, Numbers) or held.dtype != np.uint8 or len(shape) not in (3, 4)
+            or colours not in _COLOURS or not shape[0]
+        ):  # fmt: skip
+            raise BadTable(
+                _SHAPES, f"{held} in {path}",
+                "save them so; images of 0…1 times 255, and colours last",
+            )  # fmt: skip
+        self.count, self.height, self.width = (int(side) for side in shape[:3])
+        try:
+            check_size(self.width, self.height)
+        except BadSource as error:
+            raise BadTable(f"{error.needed} in {path}", error.got, _SHAPES) from error
+        self._held, self._single = held, len(held.shape) == 3 and held.shape[2] == 3
+
+    def digest(self) -> str:
+        """Return the SHA-256 of the file, hexadecimal."""
+        whole = hashlib.sha256()
+        with open_file(self.path) as file:
+            while block := file.read(MIB):
+                whole.update(block)
+        return whole.hexdigest()
+
+    def frames(self) -> Iterator[NDArray[np.uint8]]:
+        """Yield the frames, shape (height, width, 3), red first."""
+        for number in range(self.count):
+            part = self._held.whole() if self._single else self._held.part(0, number, number + 1)
+            image = np.asarray(part, np.uint8).reshape(self.height, self.width, -1)
+            yield np.ascontiguousarray(np.broadcast_to(image, (self.height, self.width, 3)))
+
+    def close(self) -> None:
+        """Do nothing: the map needs no open file."""
