@@ -118,12 +118,10 @@ def test_a_silent_owner_stops_the_hand_though_the_thread_lives() -> None:
         hand.grip(0b0001, 1000, 2000, lasts_s=5.0)
         driven.until(lambda: board.state is State.MOVING)
         silent_s = time.monotonic()
-        until(lambda: board.state is State.STOPPED)
+        until(lambda: board.state is State.STOPPED, 1.0)
 
         assert board.stopped_s - board.heard_beat_s >= 0.2
-        assert (
-            board.stopped_s - silent_s < 2.5
-        )  # the grip lasts 5; 0.1 s of the owner, 0.2 s of the board
+        assert board.stopped_s - silent_s < 0.5  # 0.1 s of the owner, 0.2 s of the board
         driven.until(lambda: hand.status().fault == "the hand has stopped by itself")
 
 
@@ -132,8 +130,9 @@ def test_a_stop_that_gets_lost_is_sent_again_until_it_is_acknowledged() -> None:
         hand = driven.armed()
         board.ignored[Order.STOP] = 3
         hand.stop()
-        driven.until(lambda: board.state is State.STOPPED)
+        took = driven.until(lambda: board.state is State.STOPPED)
 
+        assert took < 0.3
         driven.until(lambda: hand.status().state is State.STOPPED)
         assert board.orders.count(Order.STOP) == 1
         hand.stop()

@@ -167,7 +167,7 @@ def test_a_stopped_subscriber_holds_nobody_up_and_loses_by_count() -> None:
                 taken += len(received(reader, sent - taken, "touch/teng"))
                 assert taken >= 0.9 * sent  # a busy machine may drop some, and says so
                 assert taken + reader.lost >= sent
-                assert slowest_s < 5.0  # half of what a silent session is waited for
+                assert slowest_s < 0.5
                 os.kill(other.pid, signal.SIGCONT)
                 lost, until_s = 0, time.monotonic() + 10.0
                 while not lost and time.monotonic() < until_s:

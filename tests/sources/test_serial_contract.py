@@ -141,7 +141,7 @@ def test_the_timeout_is_kept(opener: Opener):
         for timeout_s in (0.0, 0.002, 0.0, 0.002):
             asked_s = time.monotonic()
             source.read(timeout_s)
-            assert time.monotonic() - asked_s < timeout_s + 2.0
+            assert time.monotonic() - asked_s < timeout_s + 0.3
 
 
 def test_leaving_the_block_closes_it_and_nothing_comes_after(opener: Opener):
@@ -151,7 +151,7 @@ def test_leaving_the_block_closes_it_and_nothing_comes_after(opener: Opener):
     asked_s = time.monotonic()
     assert source.ended
     assert (len(source.read(5.0)), source.marks()) == (0, [])
-    assert time.monotonic() - asked_s < 2.5  # half of what it was given
+    assert time.monotonic() - asked_s < 0.1
 
 
 def test_an_error_inside_the_block_comes_out(opener: Opener):

@@ -282,7 +282,7 @@ def test_a_page_that_stands_still_gets_one_push_and_slows_no_other(server, stati
             silent.recv(timeout=0.3)
         assert deaf.recv(timeout=5)
 
-    assert took_s < 5  # the silent one is waited for 10
+    assert took_s < 3
     assert peak < 40 * len(IMAGE)
     assert server.ledger.skipped >= skipped
 
