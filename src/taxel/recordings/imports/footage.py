@@ -24,7 +24,7 @@ from taxel.foreign.files import MIB, open_file, read_bytes
 from taxel.frame_codec import decode_still, still_size
 from taxel.jpeg_head import check_size
 from taxel.raster_head import is_raster
-from taxel.recordings.imports.frame_arrays import ENDING, FrameArray
+from taxel.recordings.imports.frame_arrays import ENDING, FrameArray, file_digest
 
 LARGEST_SIDE = 8192
 """Pixels; beyond it a frame alone takes 200 MB. Source: our choice."""
@@ -42,7 +42,6 @@ _GREY = 3.0
 HIDDEN = "."
 """First letter of names that are passed over in a folder: macOS leaves `._frame1.png` beside each
 image on a stick."""
-_BLOCK = MIB
 Result = TypeVar("Result")
 
 
@@ -88,11 +87,7 @@ class Video:
 
     def digest(self) -> str:
         """Return the SHA-256 of the file, hexadecimal."""
-        whole = hashlib.sha256()
-        with open_file(self.path) as file:
-            while block := file.read(_BLOCK):
-                whole.update(block)
-        return whole.hexdigest()
+        return file_digest(self.path)
 
     def frames(self) -> Iterator[NDArray[np.uint8]]:
         """Yield the frames, shape (height, width, 3), red first.

@@ -70,11 +70,7 @@ class FrameArray:
 
     def digest(self) -> str:
         """Return the SHA-256 of the file, hexadecimal."""
-        whole = hashlib.sha256()
-        with open_file(self.path) as file:
-            while block := file.read(MIB):
-                whole.update(block)
-        return whole.hexdigest()
+        return file_digest(self.path)
 
     def frames(self) -> Iterator[NDArray[np.uint8]]:
         """Yield the frames, shape (height, width, 3), red first."""
@@ -85,3 +81,12 @@ class FrameArray:
 
     def close(self) -> None:
         """Do nothing: the map needs no open file."""
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file, hexadecimal, read block by block."""
+    whole = hashlib.sha256()
+    with open_file(path) as file:
+        while block := file.read(MIB):
+            whole.update(block)
+    return whole.hexdigest()
