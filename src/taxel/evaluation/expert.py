@@ -81,7 +81,7 @@ class Measured:
 
     mb: float
     us: float
-    """Of one window on one core: the quietest tenth of them."""
+    """Of one window on one core: the quietest tenth of the quietest of four stretches."""
     parity: float
     """Largest difference of a probability, live from offline."""
 

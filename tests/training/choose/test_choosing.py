@@ -15,7 +15,7 @@ from taxel.evaluation.table_split import Elsewhere
 from taxel.models.blend import Blend, read_plan
 from taxel.models.touchnet import TouchNet
 from taxel.training.choose.budget import TRYING, Budget
-from taxel.training.choose.candidates import Candidate, feature_sets
+from taxel.training.choose.candidates import Candidate, feature_sets, first_round
 from taxel.training.choose.choice import Member, read_choice, write_choice
 from taxel.training.choose.costs import Cost
 from taxel.training.choose.fit_choice import fit_choice
@@ -300,3 +300,15 @@ def test_the_bare_model_leaves_time_for_the_bundle(base: Base):
 
     assert len({m.blocks for m in found.choice().members if m.blocks}) > 1
     assert len({m.blocks for m in at_limit.choice.members if m.blocks}) == 1
+
+
+def test_discriminants_on_every_set_come_before_the_network_and_further_forests():
+    """They take a hundredth of its time: where time runs out none of them may be missing."""
+    sets = feature_sets(400, 5)
+    tried = [(own.model, own.features) for own in first_round(sets, 400)]
+    before = tried[: tried.index(("touchnet", ""))]
+
+    assert {features for model, features in before if "discriminant" in model} == set(sets)
+    assert [model for model, _ in before if "trees" in model or "forest" in model] == [
+        "extra-trees"
+    ]

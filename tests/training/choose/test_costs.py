@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import torch
 
 from taxel.models.blend import Blend, Part, Plan
 from taxel.models.heads import LinearHead
-from taxel.training.choose.costs import Cost, KnownCosts
+from taxel.training.choose import costs
+from taxel.training.choose.costs import RUNS, Cost, KnownCosts, quietest_us
 
 MEANS, SHAPE, COURSE = (
     Part("linear", ("mean",)),
@@ -82,3 +84,21 @@ def test_windows_of_another_length_are_timed_anew():
     assert measured == [1, 1]
     assert np.isfinite(costs(blend_of(MEANS, steps=40), None).us)
     assert measured == [1, 1]
+
+
+def test_a_slow_moment_of_the_machine_does_not_count(monkeypatch: pytest.MonkeyPatch):
+    """Three stretches at 2 ms a window, the last one at 1 ms; by hand, with no time lost."""
+    now_s, ran, waits = 0.0, 0, []
+
+    def run(values: np.ndarray, mask: np.ndarray) -> None:
+        nonlocal now_s, ran
+        ran += 1
+        now_s += 0.001 if ran > 3 * RUNS else 0.002
+
+    monkeypatch.setattr(costs, "perf_counter", lambda: now_s)
+    monkeypatch.setattr(costs, "sleep", waits.append)
+
+    found = quietest_us(run, np.zeros((3, 5, 2), np.float32), np.ones((3, 5), bool))
+
+    assert found == pytest.approx(1000.0)
+    assert waits == [costs.APART_S] * 3

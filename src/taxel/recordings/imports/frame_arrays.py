@@ -65,7 +65,7 @@ class FrameArray:
         try:
             check_size(self.width, self.height)
         except BadSource as error:
-            raise BadTable(f"{error.needed} in {path}", error.got, _SHAPES) from error
+            raise BadTable(f"{error.needed} in {path}", error.got, "make them smaller") from error
         self._held, self._single = held, len(held.shape) == 3 and held.shape[2] == 3
 
     def digest(self) -> str:
