@@ -12,7 +12,8 @@ Background of our choices: docs/decisions/0033.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 
 from taxel.errors import BadBundle
 
@@ -28,10 +29,22 @@ OPERATORS = frozenset(
     Split Sqrt Squeeze Sub Sum Tanh Tile TopK Transpose Unsqueeze Where Xor""".split()  # noqa: SIM905  # a list of 87 lines says no more
 )
 """What taxel's networks, backbones and heads are exported to, and their plain relatives."""
+_TREES, _TREES_DOMAIN = "TreeEnsembleRegressor", "ai.onnx.ml"
+"""A forest: as fixed a calculation, each tree walked once from its root."""
 _MOST_FIELDS = 400_000
 """Of a model; DenseNet-121, the longest here, has some 20,000. Source: our choice."""
 _VARINT, _EIGHT, _BYTES, _FOUR = 0, 1, 2, 5
 _OURS = ("", "ai.onnx")
+Lists = Mapping[int, re.Pattern[bytes]]
+"""Of an attribute with long lists: the byte that begins each entry → what a whole list matches."""
+_NO_LISTS: Lists = {}
+_LISTS: Lists = {
+    0x40: re.compile(rb"(?:\x40[\x80-\xff]{0,3}[\x00-\x7f])*+"),
+    0x3D: re.compile(rb"(?:\x3d[\x00-\xff]{4})*+"),
+    0x4A: re.compile(rb"(?:\x4a\x04LEAF|\x4a\x0aBRANCH_LEQ)*+"),
+}
+"""A forest's: whole numbers below 2^28, numbers of 32 bits, kinds of nodes. ONNX Runtime of before
+1.32 took a feature of a negative number from before its window."""
 
 _MODEL = frozenset((1, 2, 3, 4, 5, 6, 7, 8, 14))
 """Without training_info (20) and functions (25)."""
@@ -86,22 +99,28 @@ class _Walk:
                 self._tensor(*_inside(kind, first, last))
 
     def _node(self, start: int, end: int) -> None:
-        operators = []
+        operators, domain, attributes = [], "", []
         for number, kind, first, last in self._fields(start, end, _NODE, "a node"):
-            if number in (4, 7):
+            if number in (4, 5, 7):
                 first, last = _inside(kind, first, last)
                 text = self._data[first : min(last, first + 40)].decode("ascii", "replace")
                 if number == 4:
                     operators.append(text)
-                elif text not in _OURS:
-                    raise _bad(f"an operator of {text!r}")
-            elif number == 5:
-                self._attribute(*_inside(kind, first, last))
-        if len(operators) != 1 or operators[0] not in OPERATORS:
+                elif number == 7:
+                    domain = text
+                else:
+                    attributes.append((first, last))
+        trees = domain == _TREES_DOMAIN and operators == [_TREES]
+        if not trees and domain not in _OURS:
+            raise _bad(f"an operator of {domain!r}")
+        if not trees and (len(operators) != 1 or operators[0] not in OPERATORS):
             raise _bad(f"the operator {' and '.join(map(repr, operators)) or 'without a name'}")
+        for first, last in attributes:
+            self._attribute(first, last, _LISTS if trees else _NO_LISTS)
 
-    def _attribute(self, start: int, end: int) -> None:
-        for number, kind, first, last in self._fields(start, end, _ATTRIBUTE, "an attribute"):
+    def _attribute(self, start: int, end: int, lists: Lists) -> None:
+        known = _ATTRIBUTE - {7, 8, 9} if lists else _ATTRIBUTE
+        for number, kind, first, last in self._fields(start, end, known, "an attribute", lists):
             if number in (5, 10):
                 self._tensor(*_inside(kind, first, last))
 
@@ -110,12 +129,21 @@ class _Walk:
             if number == 14 and (kind != _VARINT or first != 0):
                 raise _bad("numbers kept in another file")
 
-    def _fields(self, at: int, end: int, known: frozenset[int], what: str) -> Iterator[Field]:
-        """Yield the fields of a message, each of which must be known."""
+    def _fields(
+        self, at: int, end: int, known: frozenset[int], what: str, lists: Lists = _NO_LISTS
+    ) -> Iterator[Field]:
+        """Yield the fields of a message, each of which must be known; lists are stepped over."""
         while at < end:
             self._left -= 1
             if self._left < 0:
                 raise _bad(f"more than {_MOST_FIELDS:,} parts")
+            entries = lists.get(self._data[at])
+            if entries is not None:
+                found = entries.match(self._data, at, end)
+                if found is None or found.end() == at:
+                    raise _bad("a forest whose nodes have other numbers or kinds")
+                at = found.end()
+                continue
             tag, at = self._varint(at, end)
             number, kind = tag >> 3, tag & 7
             if number not in known:

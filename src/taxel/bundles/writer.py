@@ -22,6 +22,7 @@ from taxel.bundles.files import bundle_bytes
 from taxel.bundles.reader import Bundle
 from taxel.bundles.signing import Signer
 from taxel.errors import BadBundle
+from taxel.models.tree_operator import OPSETS
 from taxel.recordings.whole import write_whole
 
 _CHECK_WINDOWS = 16
@@ -101,6 +102,7 @@ def export_onnx(classifier: nn.Module, steps: int, channels: int) -> bytes:
             output_names=["probabilities"],
             dynamic_axes={"values": {0: "n"}, "mask": {0: "n"}, "probabilities": {0: "n"}},
             opset_version=_OPSET,
+            custom_opsets=OPSETS,
             dynamo=False,
         )
     return buffer.getvalue()

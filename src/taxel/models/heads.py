@@ -13,6 +13,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from taxel.models.tree_operator import exported_shares
+
 LEAST_SHARE = 0.002
 """Added to each class's share of a forest's votes, so that none is impossible. Source: our
 choice, docs/decisions/0039."""
@@ -94,9 +96,16 @@ class TreesHead(_Tables):
         """Return logits, shape (n, classes)."""
         return walk((self,), (features,))[0]
 
+    def operator(self, features: Tensor) -> Tensor:
+        """Return logits of an export, shape (n, classes): one operator in place of a walk."""
+        tables = {name: getattr(self, name).numpy() for name in self.names}
+        return torch.log(exported_shares(features.float(), tables) + LEAST_SHARE)
+
 
 def walk(forests: Sequence[TreesHead], features: Sequence[Tensor]) -> list[Tensor]:
     """Walk forests side by side: a step of all trees takes hardly longer than one of a few.
+
+    In an export each forest is an operator.
 
     Args:
         forests: At least one.
@@ -105,6 +114,8 @@ def walk(forests: Sequence[TreesHead], features: Sequence[Tensor]) -> list[Tenso
     Returns:
         Each forest's logits, shape (n, classes), as of a walk by itself.
     """
+    if torch.onnx.is_in_onnx_export():
+        return [own.operator(seen) for own, seen in zip(forests, features, strict=True)]
     column, after, leaf, root = [], [], [], []
     columns = nodes = leaves = 0
     for forest, own in zip(forests, features, strict=True):

@@ -6,8 +6,6 @@ Knows nothing about how it was chosen.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import nullcontext
-from threading import Lock
 
 import numpy as np
 import torch
@@ -19,9 +17,11 @@ from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice, Member
 from taxel.training.choose.cores import working_threads
 from taxel.training.choose.fitting import fit_head
-from taxel.training.choose.networks import fit_network, thinning
+from taxel.training.choose.networks import thinning, train_network, untrained
 from taxel.training.choose.preparations import Base, Prepared
 
+Heads = dict[tuple[Candidate, int], nn.Module]
+"""Candidate and number of its copy → what was fitted."""
 KINDS = {"discriminant": "linear", "linear": "linear", "trees": "trees", "perceptron": "perceptron"}
 """Family → head; a network is named after its model."""
 LONGEST = ("network", "trees")
@@ -37,7 +37,8 @@ def fit_choice(
     prepared: Prepared,
     train: Sequence[int],
     seed: int = 0,
-    heads: dict[tuple[Candidate, int], nn.Module] | None = None,
+    heads: Heads | None = None,
+    draft: bool = False,
 ) -> Blend:
     """Return the blend, trained.
 
@@ -48,20 +49,31 @@ def fit_choice(
         train: Indices of the trials to learn from.
         seed: Of all that is random.
         heads: Those that were fitted before on the same trials; new ones are added.
+        draft: Networks stay as training begins with them: as quick and as large as in the end.
     """
-    fitted: dict[tuple[Candidate, int], nn.Module] = {} if heads is None else heads
+    fitted: Heads = {} if heads is None else heads
     rows = np.flatnonzero(np.isin(prepared.trial[prepared.kept], np.asarray(train, np.intp)))
     y = base.y[prepared.trial[prepared.kept[rows]]]
     classes = len(base.dataset.classes(base.target))
     each = copies(choice)
     new = [(member, copy) for member, copy in each if (member.candidate, copy) not in fitted]
     new.sort(key=lambda own: own[0].candidate.family not in LONGEST)
-    one_network = Lock()
+    # First weights come from PyTorch's one generator, so that they are drawn one after another.
+    networks = {
+        (member, copy): untrained(prepared, classes, member.candidate, seed + copy)
+        for member, copy in new if member.candidate.family == "network"
+    }  # fmt: skip
 
     def head_of(own: tuple[Member, int]) -> nn.Module:
         member, copy = own
-        with one_network if member.candidate.family == "network" else nullcontext():
-            return _head(member, prepared, rows, y, classes, seed + copy)
+        network = networks.get(own)
+        if network is None:
+            seen = prepared.features(member.blocks)[rows]
+            return fit_head(member.candidate, seen, y, classes, seed + copy)
+        if not draft:
+            windows = prepared.kept[rows]
+            train_network(network, prepared, windows, y, member.candidate, seed + copy)
+        return network
 
     with working_threads() as pool:
         for (member, copy), head in zip(new, pool.map(head_of, new), strict=True):
@@ -93,20 +105,6 @@ def copies_of(member: Member) -> int:
 def copies(choice: Choice) -> list[tuple[Member, int]]:
     """Return the parts of the blend in their order: each member with the number of its copy."""
     return [(member, copy) for member in choice.members for copy in range(copies_of(member))]
-
-
-def _head(
-    member: Member,
-    prepared: Prepared,
-    rows: NDArray[np.intp],
-    y: NDArray[np.intp],
-    classes: int,
-    seed: int,
-) -> nn.Module:
-    if member.candidate.family == "network":
-        windows = prepared.kept[rows]
-        return fit_network(prepared, windows, y, classes, member.candidate, seed)
-    return fit_head(member.candidate, prepared.features(member.blocks)[rows], y, classes, seed)
 
 
 def predict_blend(

@@ -15,13 +15,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from torch import nn
 
 from taxel.models.blend import Blend
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.costs import Cost, cost_of
-from taxel.training.choose.fit_choice import copies, fit_choice
+from taxel.training.choose.fit_choice import Heads, copies, fit_choice
 from taxel.training.choose.pieces import Pieces
 from taxel.training.choose.preparations import Prepared
 from taxel.training.choose.search import Found
@@ -89,16 +88,19 @@ def fit_within(
     """
     measure, pieces = cost or cost_of, pieces or Pieces()
     prepared = found.part.prepared
-    heads: dict[tuple[Candidate, int], nn.Module] = {}
+    heads: Heads = {}
     without: set[Candidate] = set()
     given_up: list[str] = []
     whole = choice = found.choice()
     while True:
-        blend = fit_choice(choice, found.base, prepared, train, seed, heads)
+        # Networks take longest to train, and may yet be given up.
+        blend = fit_choice(choice, found.base, prepared, train, seed, heads, draft=True)
         now = measure(blend, prepared)
         large = now.mb > limits.most_mb and len(choice.members) > 1
         units = _units(found, choice, without) if now.us > limits.bare_us else {}
         if not units and not large:
+            fitted = {key: head for key, head in heads.items() if key[0].family != "network"}
+            blend = fit_choice(choice, found.base, prepared, train, seed, fitted)
             return Fitted(choice, blend, tuple(given_up))
         if not units:
             heavy = _largest(choice, blend)

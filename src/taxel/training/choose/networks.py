@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import nn
+from torch import Tensor, nn
 
 from taxel.models.blend import ScaledNetwork, thinned
 from taxel.models.catalogue import find_network
@@ -55,21 +55,78 @@ def fit_network(
         candidate: Its `model` is a network's name.
         seed: Of weights, order and augmentation.
     """
-    model = find_network(candidate.model)
+    whole = untrained(prepared, classes, candidate, seed)
+    train_network(whole, prepared, windows, y, candidate, seed)
+    return whole
+
+
+def train_network(
+    whole: ScaledNetwork,
+    prepared: Prepared,
+    windows: NDArray[np.intp],
+    y: NDArray[np.intp],
+    candidate: Candidate,
+    seed: int,
+) -> None:
+    """Train in place; several may be trained side by side.
+
+    Args:
+        whole: As `untrained` returns it.
+        prepared: The data set.
+        windows: Which of its windows, shape (n,).
+        y: Their classes, shape (n,).
+        candidate: Its `model` is the network's name.
+        seed: Of order, augmentation and what is dropped.
+    """
+    for part in whole.modules():
+        if isinstance(part, _OwnDropout):
+            part.generator = torch.Generator().manual_seed(seed)
     own = prepared.dataset.windows[windows]
-    steps, channels = own.values.shape[1:]
-    kind = "standard" if model.scaling == "full-scale" else model.scaling
+    scaling_of_model = find_network(candidate.model).scaling
+    kind = "standard" if scaling_of_model == "full-scale" else scaling_of_model
     scaling = fit_scaling(kind, own.values, own.mask, None)
-    thin = thinning(steps)
-    network = new_network(lambda: model.build(steps // thin, channels, classes), seed)
     scaled = torch.from_numpy(scaling.apply(own.values, own.mask)), torch.from_numpy(own.mask)
-    values, mask = (part.numpy() for part in thinned(*scaled, thin))
+    values, mask = (part.numpy() for part in thinned(*scaled, whole.thin))
     data = Labelled(values, mask, y)
-    fit(network, data, replace(TRAIN, seed=seed))
-    settle_norms(network, data)
-    whole = ScaledNetwork(network, channels, thin)
+    fit(whole.network, data, replace(TRAIN, seed=seed))
+    settle_norms(whole.network, data)
     whole.offset, whole.factor = map(torch.from_numpy, (scaling.offset, scaling.factor))
-    return whole.eval()
+    whole.eval()
+    for part in whole.modules():
+        if isinstance(part, _OwnDropout):
+            part.generator = None
+
+
+def untrained(prepared: Prepared, classes: int, candidate: Candidate, seed: int) -> ScaledNetwork:
+    """Return a network as training begins with it: as quick and as large as in the end.
+
+    Args:
+        prepared: The data set.
+        classes: How many there are.
+        candidate: Its `model` is a network's name.
+        seed: Of its weights.
+    """
+    steps, channels = prepared.dataset.windows.values.shape[1:]
+    thin = thinning(steps)
+    build = find_network(candidate.model).build
+    network = new_network(lambda: build(steps // thin, channels, classes), seed)
+    for part in list(network.modules()):
+        for name, child in part.named_children():
+            if type(child) is nn.Dropout:
+                setattr(part, name, _OwnDropout(child.p))
+    return ScaledNetwork(network, channels, thin).eval()
+
+
+class _OwnDropout(nn.Dropout):
+    """Draws from a generator of its own: PyTorch's is one for all threads."""
+
+    generator: torch.Generator | None = None
+
+    def forward(self, x: Tensor) -> Tensor:
+        if not self.training:
+            return x
+        drawn = torch.rand(x.shape, generator=self.generator)
+        return x * (drawn >= self.p) / (1.0 - self.p)
 
 
 def settle_norms(network: nn.Module, data: Labelled, batch: int = 256) -> None:

@@ -10,7 +10,7 @@ Source: docs/decisions/0039.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import torch
@@ -22,11 +22,8 @@ from taxel.models.touch_features import TouchFeatures
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.costs import window_us
-from taxel.training.choose.fit_choice import copies_of
+from taxel.training.choose.fit_choice import Heads, copies_of
 from taxel.training.choose.preparations import Prepared
-
-Heads = Mapping[tuple[Candidate, int], nn.Module]
-"""Candidate and number of its copy → what was fitted."""
 
 
 class _OnFeatures(nn.Module):
