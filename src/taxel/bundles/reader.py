@@ -21,7 +21,7 @@ from taxel.bundles.signing import Trust
 from taxel.decisions.unknown import NoveltyTest
 from taxel.errors import BadBundle
 from taxel.models.devices import CPU
-from taxel.models.onnx_session import open_session
+from taxel.models.onnx_session import WindowModel
 
 _MEMBERS = (
     "bundle.json",
@@ -47,8 +47,7 @@ class Bundle:
         self, contract: Contract, model: bytes, threads: int = 1, device: str = CPU
     ) -> None:
         self.contract = contract
-        self._session = open_session(model, threads, device)
-        self._inputs = {entry.name for entry in self._session.get_inputs()}
+        self._run = WindowModel(model, threads, device)
         self.novelty_test = NoveltyTest(contract.unknown) if contract.unknown is not None else None
         """The test for touch that is unlike all that was learned; None where there is none."""
 
@@ -83,13 +82,6 @@ class Bundle:
             return found, None
         rows = scaled[0] if mask.all() else scaled[0][mask[0]]
         return found, self.novelty_test.of_window(rows) if len(rows) else None
-
-    def _run(self, scaled: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-        feed: dict[str, NDArray[Any]] = {"values": scaled}
-        if "mask" in self._inputs:
-            feed["mask"] = mask
-        found: NDArray[np.float32] = self._session.run(None, feed)[0]
-        return found
 
 
 def read_bundle(

@@ -22,6 +22,7 @@ from taxel.bundles.files import bundle_bytes
 from taxel.bundles.reader import Bundle
 from taxel.bundles.signing import Signer
 from taxel.errors import BadBundle
+from taxel.models.heads import TreesHead
 from taxel.models.tree_operator import OPSETS
 from taxel.recordings.whole import write_whole
 
@@ -90,6 +91,7 @@ def export_onnx(classifier: nn.Module, steps: int, channels: int) -> bytes:
     """Return an ONNX model with inputs values and mask; the number of windows is free."""
     example = (torch.zeros(2, steps, channels), torch.ones(2, steps, dtype=torch.bool))
     buffer = io.BytesIO()
+    holds_trees = any(isinstance(part, TreesHead) for part in classifier.modules())
     with warnings.catch_warnings():
         # torch announces its newer exporter at each call; the older one writes small
         # graphs in 0.1 s instead of 4 s and is checked for parity above.
@@ -102,7 +104,7 @@ def export_onnx(classifier: nn.Module, steps: int, channels: int) -> bytes:
             output_names=["probabilities"],
             dynamic_axes={"values": {0: "n"}, "mask": {0: "n"}, "probabilities": {0: "n"}},
             opset_version=_OPSET,
-            custom_opsets=OPSETS,
+            custom_opsets=OPSETS if holds_trees else None,
             dynamo=False,
         )
     return buffer.getvalue()

@@ -7,10 +7,39 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import onnxruntime
+from numpy.typing import NDArray
 
 from taxel.errors import BadBundle
 from taxel.models.devices import CPU, OPTIONS, PROVIDERS, VARIABLE, check_device
+
+
+class WindowModel:
+    """A model of windows that is ready to run; some look at no mask.
+
+    Args:
+        model: The ONNX file's bytes.
+        threads: As `open_session` takes them.
+        device: As above.
+    """
+
+    def __init__(self, model: bytes, threads: int = 1, device: str = CPU) -> None:
+        self._session = open_session(model, threads, device)
+        self._masked = "mask" in {entry.name for entry in self._session.get_inputs()}
+
+    def __call__(self, values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Return the model's one output.
+
+        Args:
+            values: Shape (n, steps, channels).
+            mask: Shape (n, steps).
+        """
+        feed: dict[str, NDArray[Any]] = {"values": values}
+        if self._masked:
+            feed["mask"] = mask
+        found: NDArray[np.float32] = self._session.run(None, feed)[0]
+        return found
 
 
 def one_line(error: Exception) -> str:

@@ -50,7 +50,7 @@ def _log(positive: Tensor) -> Tensor:
 
 
 def _rows(touch: Touch) -> Tensor:
-    return (touch.values * touch.present).flatten(1)
+    return touch.kept(touch.values, touch.present).flatten(1)
 
 
 def _centred(touch: Touch) -> Tensor:
@@ -98,10 +98,10 @@ def _quantiles(touch: Touch) -> Tensor:
     Of long windows those of evenly spaced rows: sorting would take most of a recogniser's time.
     """
     every = max(1, int(touch.values.shape[1]) // MOST_SORTED)
-    taken = _at_quantiles(touch.values[:, ::every], touch.present[:, ::every], QUANTILES)
+    taken = _at_quantiles(touch, touch.values[:, ::every], touch.present[:, ::every], QUANTILES)
     side = (touch.centred > touch.rounding.unsqueeze(1)).double()
     both = touch.present[:, 1:] * touch.present[:, :-1]
-    crossed = ((side[:, 1:] - side[:, :-1]).abs() * both).sum(dim=1)
+    crossed = touch.kept((side[:, 1:] - side[:, :-1]).abs(), both).sum(dim=1)
     rate = crossed / (touch.count - 1.0).clamp(min=1.0)
     return torch.cat([(taken - touch.mean.unsqueeze(1)).flatten(1), rate], dim=1)
 
@@ -113,31 +113,37 @@ def _distribution(touch: Touch) -> Tensor:
     """
     steps = int(touch.values.shape[1])
     every = max(1, steps // MOST_SORTED)
-    levels = _at_quantiles(touch.values[:, ::every], touch.present[:, ::every], FINE_QUANTILES)
+    values, present = touch.values[:, ::every], touch.present[:, ::every]
+    levels = _at_quantiles(touch, values, present, FINE_QUANTILES)
     found = [levels - touch.mean.unsqueeze(1)]
     for rows in CHANGE_ROWS:
         if steps >= 4 * rows:
             every = -(-(steps - rows) // MOST_CHANGES)
             change = touch.values[:, rows::every] - touch.values[:, :-rows:every]
             both = touch.present[:, rows::every] * touch.present[:, :-rows:every]
-            found.append(_at_quantiles(change * both, both, CHANGE_QUANTILES))
+            found.append(_at_quantiles(touch, touch.kept(change, both), both, CHANGE_QUANTILES))
     return torch.cat([part.flatten(1) for part in found], dim=1)
 
 
-def _at_quantiles(values: Tensor, present: Tensor, levels: tuple[float, ...]) -> Tensor:
+def _at_quantiles(
+    touch: Touch, values: Tensor, present: Tensor, levels: tuple[float, ...]
+) -> Tensor:
     """Return each channel's quantiles, the nearest row's value, shape (n, levels, channels).
 
     Where no row is present they are 0.
 
     Args:
-        values: Shape (n, steps, channels).
-        present: Shape (n, steps, 1).
+        touch: Whose these are.
+        values: Shape (n, rows, channels).
+        present: Shape (n, rows, 1).
         levels: Shares of the rows, 0…1.
     """
     count = present.sum(dim=1)
-    ordered, _ = (values * present + FAR * (1.0 - present)).sort(dim=1)
     shares = torch.tensor(levels, dtype=torch.float64)
     index = (shares * (count.clamp(min=1.0) - 1.0) + 0.5).floor().long().unsqueeze(2)
+    if touch.whole:
+        return values.sort(dim=1)[0][:, index[0, :, 0]]
+    ordered, _ = (values * present + FAR * (1.0 - present)).sort(dim=1)
     taken = torch.gather(ordered, 1, index.expand(-1, -1, ordered.shape[2]))
     return taken * (count > 0.0).double().unsqueeze(2)
 
@@ -150,9 +156,9 @@ def _octaves(touch: Touch) -> Tensor:
             now, here = now[:, :-1], here[:, :-1]
         even, odd = now[:, 0::2], now[:, 1::2]
         both = here[:, 0::2] * here[:, 1::2]
-        power = ((even - odd).square() * both).sum(dim=1) / both.sum(dim=1).clamp(min=1.0)
+        power = touch.kept((even - odd).square(), both).sum(dim=1) / both.sum(dim=1).clamp(min=1.0)
         parts.append(_log(power))
-        now, here = (even + odd) * both / 2.0, both
+        now, here = touch.kept(even + odd, both) / 2.0, both
     return torch.cat(parts, dim=1)
 
 
@@ -170,7 +176,7 @@ def _spectrum(touch: Touch) -> Tensor:
     cosine, sine = (torch.from_numpy(part) for part in waves(length))
     turned = (stretches - level).transpose(2, 3)
     power = (turned @ cosine).square() + (turned @ sine).square()
-    mean = (power * measured).sum(dim=1) / measured.sum(dim=1).clamp(min=1.0)
+    mean = touch.kept(power, measured).sum(dim=1) / measured.sum(dim=1).clamp(min=1.0)
     return _log(mean).flatten(1)
 
 
@@ -230,21 +236,22 @@ class TouchFeatures(nn.Module):
         self.blocks = blocks
         self._mean = torch.from_numpy(averaging(pads))
 
-    def forward(self, values: Tensor, mask: Tensor) -> Tensor:
+    def forward(self, values: Tensor, mask: Tensor | None) -> Tensor:
         """Return features, shape (n, features) float64.
 
         Args:
             values: Shape (n, steps, channels), unscaled.
-            mask: Shape (n, steps).
+            mask: Shape (n, steps); None where no row is padding.
         """
-        present = mask.unsqueeze(2).double()
-        fine = Touch(values.double() * present, present)
+        present = None if mask is None else mask.unsqueeze(2).double()
+        fine = Touch(values.double() if present is None else values.double() * present, present)
         plain = coarse(fine)
         unit = None
         found = []
         for name in self.blocks:
             if name.startswith(UNIT) and unit is None:
-                unit = Touch(self._standardised(plain.values) * plain.present, plain.present)
+                standardised = plain.kept(self._standardised(plain.values), plain.present)
+                unit = Touch(standardised, None if plain.whole else plain.present)
             touch = unit if name.startswith(UNIT) and unit is not None else plain
             touch = fine if name in FINE_BLOCKS else touch
             found.append(BLOCKS[name.removeprefix(UNIT)][0](touch))
@@ -304,10 +311,12 @@ def compute_features(
     module = TouchFeatures(blocks, pads)
     batch = max(1, _BATCH_VALUES // (values.shape[1] * values.shape[2]))
     parts = []
+    padded = not mask.all()
     with torch.inference_mode():
         for start in range(0, len(values), batch):
             part = slice(start, start + batch)
-            found = module(torch.from_numpy(values[part]), torch.from_numpy(mask[part]))
+            measured = torch.from_numpy(mask[part]) if padded else None
+            found = module(torch.from_numpy(values[part]), measured)
             parts.append(found.float().numpy())
     return np.concatenate(parts)
 

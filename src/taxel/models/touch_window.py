@@ -28,23 +28,37 @@ class Touch:
 
     Args:
         values: Shape (n, steps, channels) float64, unscaled; 0 where padded.
-        present: Shape (n, steps, 1) float64: 1 where a row was measured, 0 where it is padding.
+        present: Shape (n, steps, 1) float64: 1 where a row was measured, 0 where it is padding;
+            None where no row is, for then an exported model computes less.
     """
 
-    def __init__(self, values: Tensor, present: Tensor) -> None:
+    def __init__(self, values: Tensor, present: Tensor | None) -> None:
         self.values = values
-        self.present = present
+        self.whole = present is None
+        """Whether no row is padding."""
+        rows = int(values.shape[1])  # no graph of sizes
+        self.present = torch.ones(1, rows, 1).double() if present is None else present
+        """Shape (n, steps, 1); (1, steps, 1) where no row is padding."""
         self.count = self.present.sum(dim=1).clamp(min=1.0)
+
+    def kept(self, values: Tensor, present: Tensor) -> Tensor:
+        """Return values where rows are measured, else 0.
+
+        Args:
+            values: Shape (n, rows, …).
+            present: Shape (n, rows, 1): `self.present`, or what was made of it.
+        """
+        return values if self.whole else values * present
 
     @cached_property
     def mean(self) -> Tensor:
         """Shape (n, channels)."""
-        return rounded((self.values * self.present).sum(dim=1) / self.count)
+        return rounded(self.kept(self.values, self.present).sum(dim=1) / self.count)
 
     @cached_property
     def centred(self) -> Tensor:
         """Values less their mean, 0 where padded, shape (n, steps, channels)."""
-        return (self.values - self.mean.unsqueeze(1)) * self.present
+        return self.kept(self.values - self.mean.unsqueeze(1), self.present)
 
     @cached_property
     def deviation(self) -> Tensor:
@@ -60,15 +74,21 @@ class Touch:
         """
         return _ROUNDING * self.mean.abs() + TINY
 
+    def beyond(self, far: float) -> Tensor:
+        """Return values, and something far away where rows are padding, shape as values'."""
+        if self.whole:
+            return self.values
+        return self.values * self.present + far * (1.0 - self.present)
+
     @cached_property
     def least(self) -> Tensor:
         """Shape (n, channels)."""
-        return (self.values * self.present + FAR * (1.0 - self.present)).amin(dim=1)
+        return self.beyond(FAR).amin(dim=1)
 
     @cached_property
     def most(self) -> Tensor:
         """Shape (n, channels)."""
-        return (self.values * self.present - FAR * (1.0 - self.present)).amax(dim=1)
+        return self.beyond(-FAR).amax(dim=1)
 
     @cached_property
     def first(self) -> Tensor:
@@ -78,13 +98,15 @@ class Touch:
     @cached_property
     def last(self) -> Tensor:
         """Shape (n, channels)."""
+        if self.whole:
+            return self.values[:, -1]
         after = torch.cat([self.present[:, 1:], torch.zeros_like(self.present[:, :1])], dim=1)
         return (self.values * (self.present - after)).sum(dim=1)
 
     @cached_property
     def steps(self) -> Tensor:
         """Each row less the one before, 0 where padded, shape (n, steps − 1, channels)."""
-        return (self.values[:, 1:] - self.values[:, :-1]) * self.present[:, 1:]
+        return self.kept(self.values[:, 1:] - self.values[:, :-1], self.present[:, 1:])
 
     @cached_property
     def place(self) -> Tensor:
@@ -140,4 +162,5 @@ def coarse(touch: Touch) -> Touch:
     values = functional.pad(touch.values, more).reshape(-1, rows, every, channels)
     present = functional.pad(touch.present, more).reshape(-1, rows, every, 1)
     count = present.sum(dim=2)
-    return Touch(rounded(values.sum(dim=2) / count.clamp(min=1.0)), (count > 0).double())
+    mean = rounded(values.sum(dim=2) / count.clamp(min=1.0))
+    return Touch(mean, None if touch.whole else (count > 0).double())

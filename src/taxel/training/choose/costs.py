@@ -16,9 +16,9 @@ from time import perf_counter, sleep
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.engine import open_engine
 from taxel.bundles.writer import Classifier, export_onnx
 from taxel.models.blend import Blend, Part, read_plan
+from taxel.models.onnx_session import WindowModel
 from taxel.training.choose.preparations import Prepared
 
 ROUNDS, RUNS, QUIET = 4, 30, 10.0
@@ -55,8 +55,7 @@ def window_us(model: bytes, values: NDArray[np.float32], mask: NDArray[np.bool_]
         values: Windows to run it on, one at a time, shape (n, steps, channels).
         mask: Shape (n, steps).
     """
-    engine = open_engine(model)
-    return quietest_us(lambda *window: engine.run(values=window[0], mask=window[1]), values, mask)
+    return quietest_us(WindowModel(model), values, mask)
 
 
 def quietest_us(

@@ -26,9 +26,9 @@ KINDS = {"discriminant": "linear", "linear": "linear", "trees": "trees", "percep
 """Family → head; a network is named after its model."""
 LONGEST = ("network", "trees")
 """Families that take longest to fit, and so are begun first."""
-NETWORKS = 3
+NETWORKS = 2
 """Networks that stand for one that was chosen, of other seeds; inner folds see one, for time.
-Source: our choice, docs/decisions/0039."""
+Source: our choice, docs/decisions/0039: three are hardly better, and take half as long again."""
 
 
 def fit_choice(
@@ -83,7 +83,7 @@ def fit_choice(
         for own, _ in each
     )
     return Blend(
-        Plan(choice.window.steps, prepared.pads, classes, parts),
+        Plan(choice.window.steps, prepared.pads, classes, parts, choice.window.pad),
         tuple(fitted[member.candidate, copy] for member, copy in each),
         tuple(member.weight / copies_of(member) for member, _ in each),
         tuple(member.sharpness for member, _ in each),

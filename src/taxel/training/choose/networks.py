@@ -37,29 +37,6 @@ def thinning(steps: int) -> int:
     return max(1, steps // LONG_ROWS)
 
 
-def fit_network(
-    prepared: Prepared,
-    windows: NDArray[np.intp],
-    y: NDArray[np.intp],
-    classes: int,
-    candidate: Candidate,
-    seed: int,
-) -> ScaledNetwork:
-    """Return a network trained on some windows.
-
-    Args:
-        prepared: The data set.
-        windows: Which of its windows, shape (n,).
-        y: Their classes, shape (n,).
-        classes: How many there are.
-        candidate: Its `model` is a network's name.
-        seed: Of weights, order and augmentation.
-    """
-    whole = untrained(prepared, classes, candidate, seed)
-    train_network(whole, prepared, windows, y, candidate, seed)
-    return whole
-
-
 def train_network(
     whole: ScaledNetwork,
     prepared: Prepared,
@@ -153,19 +130,12 @@ def settle_norms(network: nn.Module, data: Labelled, batch: int = 256) -> None:
 
 
 def predict_network(
-    prepared: Prepared,
-    windows: NDArray[np.intp],
-    y: NDArray[np.intp],
-    test: NDArray[np.intp],
-    classes: int,
-    candidate: Candidate,
-    seed: int,
+    network: ScaledNetwork, prepared: Prepared, windows: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """Train on some windows and return logits of others, shape (len(test), classes)."""
-    network = fit_network(prepared, windows, y, classes, candidate, seed)
-    own = prepared.dataset.windows[test]
+    """Return a trained network's logits of some windows, shape (n, classes)."""
+    own = prepared.dataset.windows[windows]
     with torch.inference_mode():
         parts = [network(torch.from_numpy(own.values[i : i + 512]),
                          torch.from_numpy(own.mask[i : i + 512])).double().numpy()
-                 for i in range(0, len(test), 512)]  # fmt: skip
+                 for i in range(0, len(windows), 512)]  # fmt: skip
     return np.concatenate(parts)

@@ -38,6 +38,19 @@ class _OnFeatures(nn.Module):
         return found
 
 
+class _Features(nn.Module):
+    """Features as a blend computes them: without the mask where no row is padding."""
+
+    def __init__(self, blocks: tuple[str, ...], pads: tuple[int, ...], padded: bool) -> None:
+        super().__init__()
+        self.features = TouchFeatures(blocks, pads)
+        self.padded = padded
+
+    def forward(self, values: Tensor, mask: Tensor) -> Tensor:
+        found: Tensor = self.features(values, mask if self.padded else None)
+        return found
+
+
 class _Beside(nn.Module):
     """Networks that see the same window: what they have in common is computed once."""
 
@@ -96,7 +109,8 @@ class Pieces:
         blocks = tuple(sorted({name for member in choice.members for name in member.blocks}))
         total = 0.0
         if blocks:
-            total += self._us((blocks, shape), TouchFeatures(blocks, prepared.pads), *window)
+            features = _Features(blocks, prepared.pads, prepared.config.pad)
+            total += self._us((blocks, shape), features, *window)
         for member in choice.members:
             own = [heads[member.candidate, copy] for copy in range(copies_of(member))
                    if (member.candidate, copy) in heads]  # fmt: skip

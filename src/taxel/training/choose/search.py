@@ -11,9 +11,8 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +44,7 @@ from taxel.training.choose.inner_folds import (
 )
 from taxel.training.choose.joining import fit_joining
 from taxel.training.choose.kept_tries import KeptTries
-from taxel.training.choose.networks import predict_network
+from taxel.training.choose.network_folds import NetworkFolds
 from taxel.training.choose.part import Part, Tried, training_part
 from taxel.training.choose.pieces import Pieces
 from taxel.training.choose.preparations import Base, Prepared
@@ -168,8 +167,6 @@ class _Search:
     ) -> None:
         """Score candidates on all inner folds, some at a time, if they were not and time allows.
 
-        Networks draw from PyTorch's one generator, so that never two of them are at work.
-
         Args:
             part: The windows.
             candidates: The most promising first.
@@ -180,13 +177,11 @@ class _Search:
         new = [candidate for candidate in candidates if candidate not in done]
         must = must and len(done) < _FEWEST
         with self._pool() as pool:
-            one_network = Lock()
-            jobs = [
-                pool.submit(self._try, part, candidate, sets, one_network,
-                            must=must and place < _FEWEST)
+            begun = [
+                self._begin(pool, part, candidate, sets, must=must and place < _FEWEST)
                 for place, candidate in enumerate(new)
-            ]  # fmt: skip
-            found = [job.result() for job in jobs]
+            ]
+            found = [result() for result in begun]
         cut = part.prepared.name
         for candidate, tried in zip(new, found, strict=True):
             if tried is None:
@@ -200,22 +195,43 @@ class _Search:
         with _without_warnings(), working_threads(self._budget.at_once) as pool:
             yield pool
 
-    def _try(
-        self,
-        part: Part,
-        candidate: Candidate,
-        sets: Sets,
-        one_network: Lock,
-        *,
-        must: bool,
-    ) -> Tried | None:
+    def _begin(
+        self, pool: ThreadPoolExecutor, part: Part, candidate: Candidate, sets: Sets, *, must: bool
+    ) -> Callable[[], Tried | None]:
+        """Hand a candidate to the threads; return what waits for its scores."""
+        if candidate.family != "network":
+            return pool.submit(self._try, part, candidate, sets, must=must).result
+        logits, seconds = self._kept.find(part, candidate, ())
+        if logits is not None:
+            tried = _tried(part, candidate, logits, part.scored, seconds)
+            return lambda: tried
+        network = NetworkFolds(part, candidate, self._seed, self._budget, must=must)
+
+        def run(fold: int) -> None:
+            if fold == network.folds[0]:
+                self._on_step(f"{candidate.name} · {part.prepared.name}")
+            network.run(fold)
+
+        jobs = [pool.submit(run, fold) for fold in network.folds]
+
+        def result() -> Tried | None:
+            for job in jobs:
+                job.result()
+            logits = network.logits()
+            if logits is None:
+                return None
+            self._kept.keep(part, candidate, (), logits, network.seconds)
+            return _tried(part, candidate, logits, part.scored, network.seconds)
+
+        return result
+
+    def _try(self, part: Part, candidate: Candidate, sets: Sets, *, must: bool) -> Tried | None:
         """Return a candidate's scores; None where the time would not do."""
         self._on_step(f"{candidate.name} · {part.prepared.name}")
         blocks = sets.get(candidate.features, ())
         logits, seconds = self._kept.find(part, candidate, blocks)
         if logits is None:
-            with one_network if candidate.family == "network" else nullcontext():
-                logits, seconds = self._score(part, candidate, blocks, must=must)
+            logits, seconds = self._score(part, candidate, blocks, must=must)
             if logits is None:
                 return None
             self._kept.keep(part, candidate, blocks, logits, seconds)
@@ -290,9 +306,6 @@ def out_of_fold(
     seed: int,
 ) -> NDArray[np.float64]:
     """Fit on some windows of a part and return logits of others."""
-    if candidate.family == "network":
-        return predict_network(part.prepared, part.windows[train], part.y[train],
-                               part.windows[test], part.classes, candidate, seed)  # fmt: skip
     features = part.prepared.features(blocks)[part.rows]
     head = fit_head(candidate, features[train], part.y[train], part.classes, seed)
     return head_logits(head, features[test])
