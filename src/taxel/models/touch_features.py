@@ -150,7 +150,7 @@ def _at_quantiles(
 
 def _octaves(touch: Touch) -> Tensor:
     """Logarithm of the mean square of each octave's Haar wavelets."""
-    now, here, parts = touch.centred, touch.present, []
+    now, here, parts = touch.values, touch.present, []
     while now.shape[1] >= 2:
         if now.shape[1] % 2:
             now, here = now[:, :-1], here[:, :-1]

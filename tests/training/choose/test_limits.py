@@ -1,5 +1,6 @@
 """What is given up for time is what costs least, by the times of the engine that runs it."""
 
+from collections.abc import Sequence
 from itertools import chain, repeat
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,8 +11,8 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from taxel.bundles.engine import open_engine
 from taxel.models.heads import TreesHead
+from taxel.models.onnx_session import WindowModel
 from taxel.models.touch_features import TouchFeatures
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.candidates import Candidate
@@ -113,6 +114,7 @@ def test_each_piece_is_timed_once_without_what_any_call_takes():
     prepared = SimpleNamespace(
         dataset=SimpleNamespace(windows=SimpleNamespace(values=values, mask=values[:, :, 0] == 0)),
         pads=(0, 0),
+        config=SimpleNamespace(pad=False),
     )
     rng = np.random.default_rng(0)
     y = np.arange(40) % 2
@@ -120,31 +122,30 @@ def test_each_piece_is_timed_once_without_what_any_call_takes():
     assert isinstance(forest, TreesHead)
     measured: list[str] = []
 
-    def measure(model: nn.Module, values: Tensor, mask: Tensor) -> float:
-        model(values, mask)
-        measured.append(type(model).__name__)
-        return {"_Nothing": 10.0, "TouchFeatures": 110.0, "_OnFeatures": 210.0}.get(
-            measured[-1], 40.0
-        )
+    def measure(models: Sequence[nn.Module], values: Tensor, mask: Tensor) -> list[float]:
+        for model in models:
+            model(values, mask)
+            blocks = getattr(getattr(model, "features", None), "blocks", ())
+            measured.append("+".join(blocks) or type(model).__name__)
+        known = {"_Nothing": 10.0, "mean": 60.0, "mean+statistics": 110.0, "_OnFeatures": 210.0}
+        return [known.get(name, 40.0) for name in measured[-len(models) :]]
 
     class Net(nn.Module):
         def forward(self, values: Tensor, mask: Tensor) -> Tensor:
             return values[:, 0] * mask[:, :1]
 
     heads: dict[Any, nn.Module] = {(FOREST.candidate, 0): forest}
-    heads |= {(NETWORK.candidate, copy): Net() for copy in range(3)}
+    heads |= {(NETWORK.candidate, copy): Net() for copy in range(2)}
     pieces = Pieces(measure)
 
     def us(*members: Member) -> float:
         choice = cast(Choice, SimpleNamespace(members=members))
         return pieces.us(choice, cast(Any, prepared), heads)
 
-    assert us(NETWORK, FOREST, SUM) == 30.0 + 100.0 + 200.0
-    assert us(NETWORK, SUM) == 30.0 + 100.0
+    assert us(NETWORK, FOREST, SUM) == 30.0 + 60.0 + 50.0 + 200.0
+    assert us(NETWORK, SUM) == 30.0 + 60.0
     assert us(NETWORK) == 30.0
-    assert sorted(measured) == [
-        "TouchFeatures", "TouchFeatures", "_Beside", "_Nothing", "_OnFeatures",
-    ]  # fmt: skip
+    assert sorted(measured) == ["_Beside", "_Nothing", "_OnFeatures", "mean", "mean+statistics"]
 
 
 def test_what_is_timed_gives_in_the_engine_what_the_piece_gives(monkeypatch: pytest.MonkeyPatch):
@@ -153,11 +154,11 @@ def test_what_is_timed_gives_in_the_engine_what_the_piece_gives(monkeypatch: pyt
     ran: list[Any] = []
 
     def opened(model: bytes) -> Any:
-        engine = open_engine(model)
-        return SimpleNamespace(run=lambda **given: ran.append(engine.run(**given)))
+        ready = WindowModel(model)
+        return lambda *given: ran.append(ready(*given))
 
-    monkeypatch.setattr("taxel.training.choose.costs.open_engine", opened)
+    monkeypatch.setattr("taxel.training.choose.costs.WindowModel", opened)
 
-    assert engine_us(features, *window) > 0.0
-    assert len(ran) == ROUNDS * RUNS
+    assert min(engine_us([features, features], *window)) > 0.0
+    assert len(ran) == 2 * ROUNDS * RUNS
     assert ran[-1] == pytest.approx(features(*window).numpy(), abs=1e-5)

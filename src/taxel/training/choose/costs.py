@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import zlib
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter, sleep
 
@@ -27,6 +27,10 @@ quietest stretch: another program can only lengthen a time."""
 APART_S = 0.2
 """Between stretches, seconds: in every fourth stretch a shared machine was half as quick, for a
 tenth to a third of a second. Source: our choice, docs/decisions/0039."""
+
+
+Run = Callable[[NDArray[np.float32], NDArray[np.bool_]], object]
+"""Takes one window and its mask."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +62,7 @@ def window_us(model: bytes, values: NDArray[np.float32], mask: NDArray[np.bool_]
     return quietest_us(WindowModel(model), values, mask)
 
 
-def quietest_us(
-    run: Callable[[NDArray[np.float32], NDArray[np.bool_]], object],
-    values: NDArray[np.float32],
-    mask: NDArray[np.bool_],
-) -> float:
+def quietest_us(run: Run, values: NDArray[np.float32], mask: NDArray[np.bool_]) -> float:
     """Return the microseconds that one window takes in a machine's quiet moments.
 
     Args:
@@ -70,16 +70,32 @@ def quietest_us(
         values: Windows, shape (n, steps, channels).
         mask: Shape (n, steps).
     """
-    times = np.empty((ROUNDS, RUNS))
-    for number in range(times.size):
-        if number and number % RUNS == 0:
+    return quietest_of([run], values, mask)[0]
+
+
+def quietest_of(
+    runs: Sequence[Run], values: NDArray[np.float32], mask: NDArray[np.bool_]
+) -> list[float]:
+    """Return the microseconds that each of several takes, timed in turn in the same stretches.
+
+    Args:
+        runs: As `quietest_us` takes one.
+        values: Shape (n, steps, channels).
+        mask: Shape (n, steps).
+    """
+    times = np.empty((len(runs), ROUNDS, RUNS))
+    for stretch in range(ROUNDS):
+        if stretch:
             sleep(APART_S)
-        place = number % len(values)
-        part = slice(place, place + 1)
-        started = perf_counter()
-        run(values[part], mask[part])
-        times.flat[number] = perf_counter() - started
-    return float(np.percentile(times, QUIET, axis=1).min()) * 1e6
+        for own, run in zip(times, runs, strict=True):
+            for number in range(RUNS):
+                place = (stretch * RUNS + number) % len(values)
+                part = slice(place, place + 1)
+                started = perf_counter()
+                run(values[part], mask[part])
+                own[stretch, number] = perf_counter() - started
+    found = 1e6 * np.percentile(times, QUIET, axis=2).min(axis=1)
+    return [float(us) for us in found]
 
 
 @dataclass(slots=True)

@@ -10,7 +10,7 @@ Source: docs/decisions/0039.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import torch
@@ -18,12 +18,16 @@ from torch import Tensor, nn
 
 from taxel.bundles.writer import export_onnx
 from taxel.models.heads import TreesHead
+from taxel.models.onnx_session import WindowModel
 from taxel.models.touch_features import TouchFeatures
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice
-from taxel.training.choose.costs import window_us
+from taxel.training.choose.costs import quietest_of
 from taxel.training.choose.fit_choice import Heads, copies_of
 from taxel.training.choose.preparations import Prepared
+
+_MEANS = "mean"
+"""The block that has nothing but what all others need, too."""
 
 
 class _OnFeatures(nn.Module):
@@ -69,16 +73,17 @@ class _Nothing(nn.Module):
         return values[:, 0] * mask[:, :1]
 
 
-def engine_us(model: nn.Module, values: Tensor, mask: Tensor) -> float:
-    """Return the microseconds that a model takes for one window.
+def engine_us(models: Sequence[nn.Module], values: Tensor, mask: Tensor) -> list[float]:
+    """Return the microseconds that each model takes for one window.
 
     Args:
-        model: forward(values, mask) → anything.
+        models: forward(values, mask) → anything.
         values: Shape (1, steps, channels).
         mask: Shape (1, steps).
     """
-    model_bytes = export_onnx(model.eval(), *values.shape[1:])
-    return window_us(model_bytes, values.numpy(), mask.numpy())
+    exported = [export_onnx(model.eval(), *values.shape[1:]) for model in models]
+    runs = [WindowModel(model) for model in exported]
+    return quietest_of(runs, values.numpy(), mask.numpy())
 
 
 @dataclass(slots=True)
@@ -86,10 +91,10 @@ class Pieces:
     """Times of pieces, each measured once for all folds.
 
     Args:
-        measure: Times a model on one window.
+        measure: Times models on one window.
     """
 
-    measure: Callable[[nn.Module, Tensor, Tensor], float] = engine_us
+    measure: Callable[[Sequence[nn.Module], Tensor, Tensor], list[float]] = engine_us
     _known: dict[tuple[object, ...], float] = field(default_factory=dict)
 
     def us(self, choice: Choice, prepared: Prepared, heads: Heads) -> float:
@@ -109,8 +114,7 @@ class Pieces:
         blocks = tuple(sorted({name for member in choice.members for name in member.blocks}))
         total = 0.0
         if blocks:
-            features = _Features(blocks, prepared.pads, prepared.config.pad)
-            total += self._us((blocks, shape), features, *window)
+            total += self._features(blocks, prepared, *window)
         for member in choice.members:
             own = [heads[member.candidate, copy] for copy in range(copies_of(member))
                    if (member.candidate, copy) in heads]  # fmt: skip
@@ -119,6 +123,28 @@ class Pieces:
             elif member.candidate.family == "trees":
                 total += self._forest(member.candidate, own, shape)
         return total
+
+    def _features(
+        self, blocks: tuple[str, ...], prepared: Prepared, values: Tensor, mask: Tensor
+    ) -> float:
+        """Return what blocks take together: each once, beside what the channels' means do.
+
+        Each is timed beside them, not all together: of sets that have nearly all in common the
+        slower one would be a matter of chance.
+        """
+        shape, padded = values.shape[1:], prepared.config.pad
+        wanted = [_MEANS, *(block for block in blocks if block != _MEANS)]
+        new = [block for block in wanted if (block, shape) not in self._known]
+        if new:
+            models = [
+                _Features(tuple(dict.fromkeys((_MEANS, block))), prepared.pads, padded)
+                for block in dict.fromkeys((_MEANS, *new))
+            ]
+            least, *others = self.measure(models, values, mask)
+            self._known[_MEANS, shape] = self._known.get((_MEANS, shape), least)
+            for block, us in zip((b for b in new if b != _MEANS), others, strict=True):
+                self._known[block, shape] = max(us - least, 0.0)
+        return sum(self._known[block, shape] for block in wanted)
 
     def _forest(self, candidate: Candidate, fitted: list[nn.Module], shape: object) -> float:
         head = fitted[0] if fitted else None
@@ -132,8 +158,8 @@ class Pieces:
     def _us(self, key: tuple[object, ...], model: nn.Module, values: Tensor, mask: Tensor) -> float:
         if ("nothing",) not in self._known:
             own = torch.zeros(1, 1, 1), torch.ones(1, 1, dtype=torch.bool)
-            self._known["nothing",] = self.measure(_Nothing(), *own)
+            self._known["nothing",] = self.measure([_Nothing()], *own)[0]
         if key not in self._known:
-            spent = self.measure(model, values, mask) - self._known["nothing",]
+            spent = self.measure([model], values, mask)[0] - self._known["nothing",]
             self._known[key] = max(spent, 0.0)
         return self._known[key]
