@@ -64,6 +64,21 @@ def test_the_operator_says_what_the_walk_says(head: TreesHead, model: bytes, row
         np.testing.assert_allclose(run(values, mask), wanted, atol=2e-5)
 
 
+@pytest.mark.parametrize("kind", ["extra-trees", "random-forest"])
+def test_trees_that_are_a_leaf_alone_answer_too(kind: str):
+    """Of four rows most trees split nothing."""
+    rows = RNG.normal(size=(4, CHANNELS)).astype(np.float32)
+    head = fit_head(Candidate("trees", kind, "all", 2.0), rows, np.array([0, 1, 1, 1]), CLASSES, 0)
+    assert isinstance(head, TreesHead)
+    assert (head.left[head.root] == head.root).sum() > 50
+
+    found = WindowModel(export_onnx(_Rows(head).eval(), 1, CHANNELS))
+
+    with torch.inference_mode():
+        wanted = head(torch.from_numpy(rows)).numpy()
+    np.testing.assert_allclose(found(rows[:, None], np.ones((4, 1), bool)), wanted, atol=2e-5)
+
+
 def test_a_bundles_check_knows_a_forest_and_no_other_operator_of_its_domain(model: bytes):
     assert b"TreeEnsembleRegressor" in model
 

@@ -157,7 +157,7 @@ def test_what_is_timed_gives_in_the_engine_what_the_piece_gives(monkeypatch: pyt
         ready = WindowModel(model)
         return lambda *given: ran.append(ready(*given))
 
-    monkeypatch.setattr("taxel.training.choose.costs.WindowModel", opened)
+    monkeypatch.setattr("taxel.training.choose.pieces.WindowModel", opened)
 
     assert min(engine_us([features, features], *window)) > 0.0
     assert len(ran) == 2 * ROUNDS * RUNS
