@@ -129,7 +129,7 @@ def test_a_forests_lists_of_small_numbers_pass(number: int):
     ids=["negative", "large", "longer", "packed", "cut", "kind"],
 )
 def test_a_forest_with_other_lists_is_refused(content: bytes):
-    """Engines of before 1.32 read a feature of a negative number from before the window."""
+    """ONNX Runtime 1.20 to 1.24 read a feature of a negative number from before the window."""
     with pytest.raises(BadBundle, match="a model as taxel exports it"):
         check_model(with_attribute(content))
 

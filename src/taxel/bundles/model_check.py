@@ -43,8 +43,8 @@ _LISTS: Lists = {
     0x3D: re.compile(rb"(?:\x3d[\x00-\xff]{4})*+"),
     0x4A: re.compile(rb"(?:\x4a\x04LEAF|\x4a\x0aBRANCH_LEQ)*+"),
 }
-"""A forest's: whole numbers below 2^28, numbers of 32 bits, kinds of nodes. ONNX Runtime of before
-1.32 took a feature of a negative number from before its window."""
+"""A forest's: whole numbers below 2^28, numbers of 32 bits, kinds of nodes. ONNX Runtime 1.20 to
+1.24 took a feature of a negative number from before its window."""
 
 _MODEL = frozenset((1, 2, 3, 4, 5, 6, 7, 8, 14))
 """Without training_info (20) and functions (25)."""
