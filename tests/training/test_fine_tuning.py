@@ -3,7 +3,9 @@
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from copy import deepcopy
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 from forked import Forked, Started
+from numpy.typing import NDArray
 
 from taxel.bench.real_mosquitto import free_port
 from taxel.cli.main import main
@@ -20,15 +23,28 @@ from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.weights import find_weights
 from taxel.training.backbones import lanes as lanes_module
 from taxel.training.backbones.fine_tuning import EndToEnd, FineTuneConfig, KeptEpochs, fine_tune
-from taxel.training.backbones.lanes import LANES, Lanes
+from taxel.training.backbones.lanes import (
+    EVERY,
+    LANES,
+    VARIANTS,
+    WINDOWS,
+    Batch,
+    Lanes,
+    prepared,
+    varied,
+)
 from taxel.training.frames.extractors import open_backbone
 from taxel.training.frames.features import extract
 from taxel.training.frames.heads import HeadConfig, TrainedHead, fit_head, tracks_of
-from taxel.windows.camera_recordings import frame_sets, read_camera_recordings
-from taxel.windows.sequence import window_starts
+from taxel.windows.camera_recordings import (
+    CameraRecording,
+    frame_sets,
+    read_camera_recordings,
+)
+from taxel.windows.sequence import label_windows
 
 EDGE = "edge"
-K, STRIDE = 3, 30
+K = 3
 CONFIG = FineTuneConfig(seed=5)
 if find_spec("lightning_fabric") is None:
     pytest.skip(
@@ -64,7 +80,7 @@ def test_training_lowers_the_loss_and_leaves_normalisation_as_it_was(
     before = {name: value.clone() for name, value in tuned.state_dict().items()}
     config = FineTuneConfig(epochs=4, learning_rate=1e-3, accelerator="cpu")
 
-    done = fine_tune(tuned, pours.pours, pours.labels, config, frames=K, stride=STRIDE)
+    done = fine_tune(tuned, pours.pours, pours.labels, config)
 
     assert done.losses[-1] < done.losses[0]
     assert (done.first, done.processes) == (True, 1)
@@ -75,47 +91,107 @@ def test_training_lowers_the_loss_and_leaves_normalisation_as_it_was(
     assert not [name for name in changed if "running" in name or name in ("offset", "factor")]
 
 
-def test_a_window_gives_what_cached_features_give(few_pours: Path, cache: Path) -> None:
+def test_each_window_of_a_stretch_gives_what_cached_features_give(
+    few_pours: Path, cache: Path
+) -> None:
     """But for the grasp at rest: the median of images here, of features there."""
     head = learnt_head(few_pours, cache)
     pour = read_camera_recordings(few_pours)[0]
-    images = np.array([[decode_jpeg(f.jpeg, None) for f in frame_set.frames]
-                       for frame_set in frame_sets(pour.path, 2)])  # fmt: skip
-    rest = np.median(images[9:24], axis=0).astype(np.uint8)
+    lanes = Lanes([pour], [np.zeros(len(pour), np.int8)], K, 1)
+    (_, start) = lanes.places(CONFIG.seed, 0)[0]
+    batch = next(lanes.batches(CONFIG, 0, [0]))
     (features,) = extract([pour], open_backbone(EDGE), cache)
     with torch.inference_mode():
-        logit = network(head)(torch.from_numpy(images[None, 60 : 60 + K]),
-                              torch.from_numpy(rest[None]))  # fmt: skip
-    cached = head.probabilities(features.all())[60]
-    assert float(logit.sigmoid()) == pytest.approx(float(cached), abs=0.1)
+        found = network(head)(batch.images, batch.frames, batch.rest)[0].sigmoid().numpy()
+    cached = head.probabilities(features.all())[start : start + WINDOWS]
+    assert found.shape == (WINDOWS,)
+    assert np.abs(found - cached).max() < 0.1
+    assert np.corrcoef(found, cached)[0, 1] > 0.9
+
+
+def marked(few_pours: Path) -> tuple[list[CameraRecording], list[NDArray[np.int8]]]:
+    """Return pours whose label changes once, half way."""
+    pours = read_camera_recordings(few_pours)[:3]
+    return pours, [(np.arange(len(pour)) >= len(pour) // 2).astype(np.int8) for pour in pours]
+
+
+def test_a_batch_holds_each_stretch_as_it_was_recorded(few_pours: Path) -> None:
+    pours, labels = marked(few_pours)
+    lanes = Lanes(pours[:1], labels[:1], K, 1)
+    (_, start) = lanes.places(CONFIG.seed, 0)[0]
+    batch = next(lanes.batches(CONFIG, 0, [0]))
+    decoded = np.array([[decode_jpeg(f.jpeg, None) for f in frame_set.frames]
+                        for frame_set in frame_sets(pours[0].path, 2)])  # fmt: skip
+    own = slice(start, start + K + WINDOWS - 1)
+    assert np.array_equal(batch.images[batch.frames[0]].numpy(), decoded[own])
+    rest = np.median(decoded[9:24], axis=0).astype(np.uint8)
+    assert np.array_equal(batch.images[batch.rest[0]].numpy(), rest)
+    wanted = label_windows(labels[0], K)[start : start + WINDOWS]
+    assert np.array_equal(batch.labels[0].numpy(), wanted)
+    first = batch.images[batch.stretch == 0]
+    assert len(first) < 2 * (K + WINDOWS - 1), "equal images stand in it once"
+
+
+def test_half_of_all_stretches_hold_a_change_of_label(few_pours: Path) -> None:
+    pours, labels = marked(few_pours)
+    lanes = Lanes(pours, labels, K, 1)
+    both = [0 < labels[i][start : start + K + WINDOWS - 1].mean() < 1
+            for epoch in range(8) for i, start in lanes.places(0, epoch)]  # fmt: skip
+    assert np.mean(both) >= 0.5
+    assert len({place for epoch in range(8) for place in lanes.places(0, epoch)}) > len(both) // 2
+
+
+def test_a_variant_changes_all_images_of_a_stretch_alike(few_pours: Path) -> None:
+    pours, labels = marked(few_pours)
+    lanes = Lanes(pours, labels, K, 1)
+    batch = next(lanes.batches(CONFIG, 0, [0]))
+    other = varied(replace(batch, variant=torch.tensor([0, 23, 9, 14])))
+    images = batch.images.numpy()
+    for number, (overhead, mirrored, colours) in enumerate(VARIANTS[v] for v in (0, 23, 9, 14)):
+        own = (batch.stretch == number).numpy()
+        wanted = images[own][:, ::-1] if overhead else images[own]
+        wanted = wanted[:, :, ::-1] if mirrored else wanted
+        assert np.array_equal(other.images.numpy()[own], wanted[..., list(colours)])
+    assert len(set(VARIANTS)) == 24
+
+
+def contents(batch: Batch) -> list[bytes]:
+    """Return what each stretch of a batch holds."""
+    return [
+        batch.images[torch.cat([frames.flatten(), rest])].numpy().tobytes()
+        + bytes([int(variant)]) + label.numpy().tobytes()
+        for frames, rest, variant, label
+        in zip(batch.frames, batch.rest, batch.variant, batch.labels, strict=True)
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 3])
-def test_processes_share_the_windows_out_evenly_and_none_twice(few_pours: Path, ranks: int) -> None:
-    pours = read_camera_recordings(few_pours)[:3]
-    labels = [np.arange(len(pour)).astype(np.int8) % 2 for pour in pours]
-    lanes = Lanes(pours, labels, K, STRIDE, max(LANES, ranks))
-    each = [
-        [window.numpy().tobytes()
-         for windows, _, _ in lanes.batches(CONFIG, 0, range(rank, lanes.count, ranks))
-         for window in windows]
-        for rank in range(ranks)
-    ]  # fmt: skip
-    assert {len(part) for part in each} == {lanes.share * lanes.count // ranks}
-    together = [window for part in each for window in part]
-    assert len(set(together)) == len(together)
-    every = sum(len(window_starts(len(pour), K, STRIDE)) for pour in pours)
-    assert every - len(together) < lanes.count
+def test_processes_share_the_stretches_out_evenly(few_pours: Path, ranks: int) -> None:
+    pours, labels = marked(few_pours)
+    lanes = Lanes(pours, labels, K, max(LANES, ranks))
+    parts = [range(rank, lanes.count, ranks) for rank in range(ranks)]
+    each = [sum(len(batch.labels) for batch in lanes.batches(CONFIG, 0, part)) for part in parts]
+    assert each == [lanes.share * lanes.count // ranks] * ranks
+    assert 0 <= sum(-(-len(pour) // EVERY) for pour in pours) - sum(each) < lanes.count
 
 
-def test_a_step_holds_the_same_windows_from_one_process_and_from_two(few_pours: Path) -> None:
-    pours = read_camera_recordings(few_pours)[:3]
-    labels = [np.arange(len(pour)).astype(np.int8) % 2 for pour in pours]
-    lanes = Lanes(pours, labels, K, STRIDE, LANES)
-    alone = [windows.numpy() for windows, _, _ in lanes.batches(CONFIG, 1, range(2))]
-    first, second = ([w.numpy() for w, _, _ in lanes.batches(CONFIG, 1, [r])] for r in (0, 1))
-    for step, one, two in zip(alone, first, second, strict=True):
-        assert np.array_equal(step, np.concatenate([one, two]))
+def test_a_step_holds_the_same_stretches_from_one_process_and_from_two(few_pours: Path) -> None:
+    pours, labels = marked(few_pours)
+    lanes = Lanes(pours, labels, K, LANES)
+    alone = [contents(batch) for batch in lanes.batches(CONFIG, 1, range(2))]
+    first, second = ([contents(b) for b in lanes.batches(CONFIG, 1, [r])] for r in (0, 1))
+    assert alone == [left + right for left, right in zip(first, second, strict=True)]
+
+
+def test_what_is_prepared_ahead_comes_in_order_and_what_fails_there_fails_here() -> None:
+    def items() -> Iterator[int]:
+        yield from range(3)
+        raise Broken
+
+    seen: list[int] = []
+    with pytest.raises(Broken):
+        seen.extend(prepared(items()))
+    assert seen == [0, 1, 2]
 
 
 def test_a_process_decodes_its_own_part_of_the_recordings(
@@ -126,9 +202,10 @@ def test_a_process_decodes_its_own_part_of_the_recordings(
     decoded: list[str] = []
     decode = lanes_module._decode
     monkeypatch.setattr(
-        lanes_module, "_decode", lambda pour: decoded.append(pour.name) or decode(pour)
-    )
-    for _ in Lanes(pours, labels, K, STRIDE, LANES).batches(CONFIG, 0, [0]):
+        lanes_module, "_decode", lambda pour, beside: decoded.append(pour.name) or
+        decode(pour, beside)
+    )  # fmt: skip
+    for _ in Lanes(pours, labels, K, LANES).batches(CONFIG, 0, [0]):
         pass
     assert len(decoded) <= len(pours) // 2 + 1
 
@@ -142,19 +219,18 @@ def test_a_training_that_was_broken_off_goes_on_with_the_same_losses(
     kept = tmp_path / "edge.checkpoint"
     config = FineTuneConfig(epochs=3, learning_rate=1e-3, accelerator="cpu", kept=KeptEpochs(kept))
 
-    def train(break_at: int | None = None) -> tuple[float, ...]:
-        def look(step: int, _: int, __: float) -> None:
-            if step == break_at:
+    def train(*, broken: bool = False) -> tuple[float, ...]:
+        def look(step: int, of: int, _: float) -> None:
+            if broken and step == of // 2 + 1:
                 raise Broken
 
-        done = fine_tune(network(deepcopy(head)), pours.pours, pours.labels, config, frames=K,
-                         stride=STRIDE, on_step=look)  # fmt: skip
+        done = fine_tune(network(deepcopy(head)), pours.pours, pours.labels, config, on_step=look)
         return done.losses
 
     whole = train()
     kept.unlink()
     with pytest.raises(Broken):
-        train(break_at=len(pours.pours) * 2)
+        train(broken=True)
     assert kept.exists()
     assert train() == pytest.approx(whole, abs=1e-6)
 

@@ -84,11 +84,11 @@ class WeightOptions:
 class EngineOptions:
     """What computes a backbone."""
 
-    engine: Literal["onnxruntime", "openvino"] = "onnxruntime"
-    """Which library runs backbones."""
+    engine: Literal["onnxruntime", "openvino", "torch"] = "onnxruntime"
+    """Which library runs backbones; torch uses a graphics card where there is one."""
     precision: Literal["f32", "bf16", "int8"] = "f32"
-    """Number format within the backbone; bf16 needs --engine openvino, int8 the extra openvino and
-    frames of the recordings for calibration."""
+    """Number format within the backbone; bf16 needs --engine openvino or torch, int8 the extra
+    openvino and frames of the recordings for calibration."""
 
 
 AHEAD = Only(("ahead",), "no --paper-settings", lambda verb: not verb.fit.paper_settings)

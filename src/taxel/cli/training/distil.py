@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,11 +17,12 @@ from taxel.recordings.whole import check_place
 if TYPE_CHECKING:
     from taxel.models.students import Student
     from taxel.training.backbones.distilling import Agreement, DistilConfig
+    from taxel.training.backbones.fresh_lessons import FreshLessons
     from taxel.training.backbones.lessons import Lessons
     from taxel.training.backbones.touch_images import ImageSource
     from taxel.training.frames.extractors import BackboneExtractor
 
-_MOST_EPOCHS, _MOST_FRAMES, _MOST_COPIES = 1000, 1000, 100
+_MOST_EPOCHS, _MOST_FRAMES, _MOST_COPIES, _MOST_BATCH = 1000, 1000, 100, 4096
 _TEST_SEED = 0
 """Of the changes to images that are tested, so that files of any seed are judged on the same."""
 
@@ -31,7 +32,8 @@ class Distil:
     """Train a backbone (the student) to give a trained one's 1000 outputs on touch images.
 
     No labels are needed. One object in five is kept out of training, to measure how often both
-    name the same class first. The written file states how it was trained.
+    name the same class first. The written file states how it was trained. With --engine torch, a
+    graphics card trains where there is one, and shows other changed versions in each pass.
     """
 
     data: tyro.conf.Positional[tuple[Path, ...]]
@@ -55,8 +57,10 @@ class Distil:
     """Versions of each image: itself, the others cropped, turned and changed in colour."""
     epochs: int = 4
     """Passes over all images."""
+    batch: int = 32
+    """Images in a step; the step size grows with its root."""
     bf16: bool = False
-    """Train in 16 bits (bfloat16): faster on processors that multiply bfloat16."""
+    """Train in 16 bits (bfloat16): faster on graphics cards and on processors that multiply it."""
     resume: bool = False
     """Continue an interrupted training from its last whole epoch; the checkpoint is kept
     beside --output as NAME.safetensors.checkpoint."""
@@ -86,7 +90,9 @@ class Distil:
             videos = [video for folder in self.data for video in find_videos(folder)]
             learn, kept = split_objects(videos)
             teacher = self._open_teacher()
-            lessons = self._gather(learn, teacher, bar, self.seed)
+            lessons = self._gather_fresh(learn, teacher, bar) or self._gather(
+                learn, teacher, bar, self.seed
+            )
             unseen = self._gather(kept, teacher, bar, _TEST_SEED)
             student = begin_student(self.backbone, self.start, self.seed)
             task = bar.add_task("learning", total=None)
@@ -99,6 +105,7 @@ class Distil:
             )  # fmt: skip
             plain = agreement(student.module, unseen, plain=True)
             altered = agreement(student.module, unseen, plain=False) if self.copies > 1 else None
+            student.module.cpu()
         objects = len({video.object for video in learn})
         seen = f"{len(lessons)} images of {objects} objects"
         about = self._about(teacher, student, seen, altered or plain)
@@ -110,7 +117,8 @@ class Distil:
         """Refuse, before anything is read, what cannot be meant."""
         if not self.data:
             raise BadInput("a folder of images", "none", "make one: taxel simulate cup-pour")
-        limits = {"epochs": _MOST_EPOCHS, "frames": _MOST_FRAMES, "copies": _MOST_COPIES}
+        limits = {"epochs": _MOST_EPOCHS, "frames": _MOST_FRAMES, "copies": _MOST_COPIES,
+                  "batch": _MOST_BATCH}  # fmt: skip
         for name, most in limits.items():
             if not 1 <= getattr(self, name) <= most:
                 raise BadInput(
@@ -155,11 +163,30 @@ class Distil:
         return gather_lessons(videos, teacher, config, self.cache or default_cache(),
                               lambda done: bar.update(task, completed=done))  # fmt: skip
 
-    def _config(self, student: Student) -> DistilConfig:
-        from taxel.training.backbones.distilling import DistilConfig
+    def _gather_fresh(
+        self, videos: list[ImageSource], teacher: BackboneExtractor, bar: Bar
+    ) -> FreshLessons | None:
+        """Return lessons on a graphics card; None where the teacher runs on a processor."""
+        from taxel.models.torch_engine import TorchEngine
+        from taxel.training.backbones.fresh_lessons import gather_fresh
+        from taxel.training.backbones.lessons import LessonConfig
 
-        return DistilConfig(epochs=self.epochs, learning_rate=student.learning_rate,
-                            bf16=self.bf16, seed=self.seed)  # fmt: skip
+        engine = teacher.engine
+        if not isinstance(engine, TorchEngine) or not engine.on_card:
+            return None
+        config = LessonConfig(
+            side_px=self.side_px, frames=self.frames, copies=self.copies, seed=self.seed
+        )
+        task = bar.add_task("images", total=len(videos) * self.frames * self.copies)
+        return gather_fresh(videos, engine, teacher.key, config,
+                            lambda done: bar.update(task, completed=done))  # fmt: skip
+
+    def _config(self, student: Student) -> DistilConfig:
+        from taxel.training.backbones.distilling import BATCH, DistilConfig
+
+        usual = DistilConfig(epochs=self.epochs, batch=self.batch, bf16=self.bf16, seed=self.seed)
+        grown = (self.batch / BATCH) ** 0.5
+        return replace(usual, learning_rate=student.learning_rate * grown)
 
     def _about(
         self, teacher: BackboneExtractor, student: Student, seen: str, unseen: Agreement

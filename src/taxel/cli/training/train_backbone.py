@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from taxel.models.weights import Weights
     from taxel.training.backbones.fine_tuning import FineTuned
 
-_MOST_EPOCHS = 1000
+_MOST_EPOCHS, _MOST_BATCH = 1000, 1000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,11 @@ class TrainBackbone:
     output: Path
     """The weights to write, NAME.safetensors."""
     epochs: int = 3
-    """Passes over the training windows."""
+    """Passes over the recordings."""
+    batch: int = 4
+    """Stretches of 24 frames in a step, over all processes."""
+    bf16: bool = False
+    """Train in 16 bits (bfloat16): faster on graphics cards and on processors that multiply it."""
     resume: bool = False
     """Continue an interrupted training from its last whole epoch; the checkpoint is kept
     beside --output as NAME.safetensors.checkpoint."""
@@ -58,6 +62,7 @@ class TrainBackbone:
     head: Annotated[HeadOptions, tyro.conf.arg(name="")] = field(default_factory=HeadOptions)
     fit: Annotated[FitOptions, tyro.conf.arg(name="")] = field(default_factory=FitOptions)
     weights: Annotated[WeightOptions, tyro.conf.arg(name="")] = field(default_factory=WeightOptions)
+    engine: Annotated[EngineOptions, tyro.conf.arg(name="")] = field(default_factory=EngineOptions)
     work: Annotated[WorkOptions, tyro.conf.arg(name="")] = field(default_factory=WorkOptions)
 
     RULES: ClassVar = (AHEAD,)
@@ -66,6 +71,7 @@ class TrainBackbone:
         """Train and write."""
         from taxel.models.backbones.weight_files import save_backbone_weights
         from taxel.training.backbones.fine_tuning import (
+            HEAD_RECORDINGS,
             FineTuneConfig,
             KeptEpochs,
             begin_end_to_end,
@@ -78,16 +84,17 @@ class TrainBackbone:
         checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
         with self.work.open(), progress() as bar:
             pours = load_set(self.labels, self.data, bar)
-            extractor = open_features(self.backbone, pours, self.weights, EngineOptions())
+            extractor = open_features(self.backbone, pours, self.weights, self.engine)
             assert isinstance(extractor, BackboneExtractor)
-            features = extract_features(extractor, self.backbone, pours, self.labels.folder(), bar)
-            network = begin_end_to_end(extractor, features, pours.labels, config)
+            first = pours.some(HEAD_RECORDINGS)
+            features = extract_features(extractor, self.backbone, first, self.labels.folder(), bar)
+            network = begin_end_to_end(extractor, features, first.labels, config)
             task = bar.add_task("end to end", total=None)
             done = fine_tune(
                 network, pours.pours, pours.labels,
-                FineTuneConfig(epochs=self.epochs, seed=self.fit.seed,
+                FineTuneConfig(epochs=self.epochs, batch=self.batch, seed=self.fit.seed,
+                               precision="bf16-mixed" if self.bf16 else "32-true",
                                kept=KeptEpochs(checkpoint, self.resume)),
-                frames=config.frames, stride=config.stride,
                 on_step=lambda step, of, loss: bar.update(
                     task, description=f"end to end, loss {loss:.3f}", completed=step, total=of
                 ),
@@ -103,10 +110,11 @@ class TrainBackbone:
         """Refuse, before anything is read, what cannot be meant."""
         if self.backbone == GEL:
             raise BadInput("a backbone to train end to end", GEL, "name one, such as edge")
-        if not 1 <= self.epochs <= _MOST_EPOCHS:
-            raise BadInput(
-                f"--epochs within 1 and {_MOST_EPOCHS}", str(self.epochs), "choose another"
-            )
+        for name, most in {"epochs": _MOST_EPOCHS, "batch": _MOST_BATCH}.items():
+            if not 1 <= getattr(self, name) <= most:
+                raise BadInput(
+                    f"--{name} within 1 and {most}", str(getattr(self, name)), "choose another"
+                )
         if self.output.is_dir() or not self.output.name.endswith(".safetensors"):
             raise BadInput("--output NAME.safetensors: a backbone's weights", str(self.output),
                            f"name a file such as {self.backbone}.safetensors")  # fmt: skip

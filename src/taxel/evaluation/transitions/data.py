@@ -51,6 +51,15 @@ class CameraSet:
                 )
         return np.array([pour.groups[key] for pour in self.pours])
 
+    def some(self, most: int) -> CameraSet:
+        """Return so many of the recordings at most, spread evenly over all of them."""
+        rows = np.unique(np.linspace(0, len(self.pours) - 1, most).astype(int)).tolist()
+        return CameraSet(
+            pours=tuple(self.pours[row] for row in rows), rule=self.rule,
+            labels=tuple(self.labels[row] for row in rows),
+            signals=tuple(self.signals[row] for row in rows),
+        )  # fmt: skip
+
     def unstable_share(self) -> float:
         """Return the share of frames that are unstable, 0…1."""
         return float(np.concatenate(self.labels).mean())

@@ -9,14 +9,16 @@ from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
+from torch import Tensor, nn
 
-from taxel.bundles.engine import Engine, EngineName, Precision, open_engine
+from taxel.bundles.engine import Engine, Precision, open_engine
 from taxel.evaluation.transitions.limits import ProductLimit
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.export_onnx import export_head
 from taxel.models.sequence import find_head
+from taxel.models.torch_engine import TorchEngine, device_words
 from taxel.models.transition import FRAMES, find_transition
-from taxel.training.frames.extractors import BackboneExtractor, open_backbone
+from taxel.training.frames.extractors import BackboneEngine, BackboneExtractor, open_backbone
 from taxel.windows.sequence import FeatureRing
 
 
@@ -34,8 +36,9 @@ class StepTime:
     """All frames of the window through the backbone again, then the head."""
     limit_gflops: float | None = None
     """Of a large matrix product in the same engine, format and threads, 10⁹ operations a second,
-    measured just before and after the steps; None for 8-bit numbers, and where the weights take
-    images of another size than their backbone's."""
+    measured just before and after the steps; None for 8-bit numbers, in PyTorch, whose step on a
+    graphics card is bound by starting its kernels, and where the weights take images of another
+    size than their backbone's."""
 
     @property
     def ratio(self) -> float:
@@ -55,7 +58,7 @@ def time_step(
     model: str,
     frames: int = FRAMES,
     *,
-    engine: EngineName = "onnxruntime",
+    engine: BackboneEngine = "onnxruntime",
     precision: Precision = "f32",
     threads: int = 1,
     repeats: int = 15,
@@ -67,7 +70,7 @@ def time_step(
         model: backbone+head.
         frames: k.
         engine: Which library runs both networks.
-        precision: bf16 needs OpenVINO.
+        precision: bf16 needs OpenVINO or PyTorch.
         threads: Threads of the engine.
         repeats: Streaming steps; the whole window is measured a third as often.
         extractor: The backbone where it is open already; its engine is used.
@@ -77,23 +80,40 @@ def time_step(
     backbone = extractor or open_backbone(
         row.backbone, engine=engine, precision=precision, threads=threads
     )
-    head = open_engine(
-        export_head(find_head(row.head).build(size, frames).eval(), frames, size), threads=threads
-    )
     side_px = backbone.weights.side_px
-    known = precision != "int8" and side_px is None  # the catalogue's operations are of its size
-    limit = ProductLimit(engine, precision, threads) if known else None
+    module = find_head(row.head).build(size, frames).eval()
+    where, limit = "", None
+    if isinstance(backbone.engine, TorchEngine):
+        head: Engine = TorchEngine(_Flat(module), backbone.engine.device, bf16=precision == "bf16")
+        where = f" on {device_words(backbone.engine.device)}"
+    else:
+        assert engine != "torch", "the extractor given is of another engine"
+        head = open_engine(export_head(module, frames, size), threads=threads)
+        if precision != "int8" and side_px is None:  # the catalogue's operations are of its size
+            limit = ProductLimit(engine, precision, threads)
     before = limit.gflops() if limit else 0.0
     stream, window = _time_both(backbone.engine, head, (frames, size), repeats)
     return StepTime(
         model=model,
         frames=frames,
-        engine=f"{engine} {precision}" + (f", images of {side_px} px" if side_px else ""),
+        engine=f"{engine} {precision}{where}" + (f", images of {side_px} px" if side_px else ""),
         threads=threads,
         stream_ms=float(np.median(stream)) * 1e3,
         window_ms=float(np.median(window)) * 1e3,
         limit_gflops=max(before, limit.gflops()) if limit else None,
     )
+
+
+class _Flat(nn.Module):
+    """A head that takes features of each camera apart, as an exported one does."""
+
+    def __init__(self, head: nn.Module) -> None:
+        super().__init__()
+        self.head = head
+
+    def forward(self, features: Tensor) -> Tensor:
+        logits: Tensor = self.head(features.flatten(2))
+        return logits
 
 
 def _time_both(

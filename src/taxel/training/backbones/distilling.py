@@ -9,11 +9,9 @@ Background of our choices: docs/decisions/0057.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -21,10 +19,14 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
+from taxel.models.torch_engine import in_numbers
 from taxel.training.backbones.fine_tuning import EpochLoss, KeptEpochs
 from taxel.training.backbones.lessons import Lessons
+from taxel.training.backbones.pace import pace
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
 
+BATCH = 32
+"""Images in a step, for which step sizes are set. Source: our choice, docs/decisions/0057."""
 RIDGE = 0.1
 """Of the closed form, times the mean square of a feature. Source: our choice."""
 NORM_BATCHES = 24
@@ -33,8 +35,25 @@ _NORM_MOMENTUM = 0.1
 """Share of a new batch in the moving statistics while a student learns: Keras' 0.01 would lag
 behind in so few steps. Source: our choice."""
 _EVALUATION_BATCH = 64
-_WARM_UP = 0.1
-"""Share of all steps in which the step size rises. Source: our choice."""
+
+
+class Learnable(Protocol):
+    """Images with a teacher's answers, kept or given anew."""
+
+    def __len__(self) -> int: ...
+
+    @property
+    def device(self) -> torch.device:
+        """Return where images and answers are given."""
+        ...
+
+    def digest(self) -> str:
+        """Return a sum over all that determines them."""
+        ...
+
+    def take(self, part: NDArray[np.intp], epoch: int) -> tuple[Tensor, Tensor]:
+        """Return images, shape (n, 3, side, side), 0 to 255, and the answers, (n, 1000)."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,8 +62,8 @@ class DistilConfig:
 
     epochs: int = 4
     """Passes over all images."""
-    batch: int = 32
-    """Images in a step. Source: our choice."""
+    batch: int = BATCH
+    """Images in a step."""
     learning_rate: float = 1e-3
     """Adam's largest step size; it rises first, then falls to zero along half a cosine."""
     temperature: float = 2.0
@@ -74,13 +93,13 @@ class Agreement:
 
 def distil(
     network: nn.Module,
-    lessons: Lessons,
+    lessons: Learnable,
     config: DistilConfig,
     *,
     kept: KeptEpochs | None = None,
     on_step: Callable[[int, int, float], None] = lambda _step, _of, _loss: None,
 ) -> tuple[float, ...]:
-    """Train a student in place; return each epoch's mean loss, nats.
+    """Train a student in place, on the device of its images; return each epoch's loss, nats.
 
     Args:
         network: Images (n, 3, h, w) → logits (n, 1000); its top is called `predictions`.
@@ -93,7 +112,7 @@ def distil(
         BadInput: The checkpoint is damaged or belongs to other images or another configuration.
         RecordingFailed: The disk refused.
     """
-    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    network.to(lessons.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
     adam = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
     job = lessons.digest()
     history: list[EpochLoss] = []
@@ -112,8 +131,8 @@ def distil(
             part = order[step * config.batch : (step + 1) * config.batch]
             done = epoch * steps + step
             for group in adam.param_groups:
-                group["lr"] = config.learning_rate * _pace(done, config.epochs * steps)
-            loss = _loss(network, lessons, part, config)
+                group["lr"] = config.learning_rate * pace(done, config.epochs * steps)
+            loss = _loss(network, *lessons.take(part, epoch), config)
             adam.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
             adam.step()
@@ -136,12 +155,13 @@ def agreement(network: nn.Module, lessons: Lessons, *, plain: bool) -> Agreement
         plain: Of images as the camera gave them; else of changed copies.
     """
     network.eval()
+    device = next(network.parameters(), torch.empty(0)).device
     rows = np.flatnonzero(lessons.plain == plain)
     found = []
     with torch.inference_mode():
         for first in range(0, len(rows), _EVALUATION_BATCH):
-            images = _tensor(lessons, rows[first : first + _EVALUATION_BATCH])
-            found.append(network(images).argmax(dim=1).numpy())
+            images, _ = lessons.take(rows[first : first + _EVALUATION_BATCH], -1)
+            found.append(network(images.to(device)).argmax(dim=1).cpu().numpy())
     wanted = lessons.answers[rows].argmax(axis=1)
     return Agreement(
         float((np.concatenate(found) == wanted).mean()),
@@ -150,7 +170,7 @@ def agreement(network: nn.Module, lessons: Lessons, *, plain: bool) -> Agreement
     )
 
 
-def settle_norms(network: nn.Module, lessons: Lessons, config: DistilConfig) -> None:
+def settle_norms(network: nn.Module, lessons: Learnable, config: DistilConfig) -> None:
     """Let batch norms take their statistics from these images, as the weights stand."""
     norms = [module for module in network.modules() if isinstance(module, nn.BatchNorm2d)]
     momenta = [norm.momentum for norm in norms]
@@ -160,14 +180,15 @@ def settle_norms(network: nn.Module, lessons: Lessons, config: DistilConfig) -> 
     network.train()
     with torch.no_grad():
         for part in _some(lessons, config):
-            with _numbers(config):
-                network(_tensor(lessons, part))
+            images, _ = lessons.take(part, -1)
+            with _numbers(config, images.device):
+                network(images)
     for norm, momentum in zip(norms, momenta, strict=True):
         norm.momentum = momentum
     network.eval()
 
 
-def fit_top(network: nn.Module, lessons: Lessons, config: DistilConfig) -> None:
+def fit_top(network: nn.Module, lessons: Learnable, config: DistilConfig) -> None:
     """Fit the top to the teacher's logits: least squares, held near what it is (ridge)."""
     top = network.get_submodule("predictions")
     assert isinstance(top, nn.Linear)
@@ -176,14 +197,16 @@ def fit_top(network: nn.Module, lessons: Lessons, config: DistilConfig) -> None:
         lambda _top, inputs: pooled.append(inputs[0].float().mean(dim=(2, 3)))
     )
     network.eval()
-    found: list[Tensor] = []
+    rests: list[Tensor] = []
     with torch.no_grad():
         for first in range(0, len(lessons), _EVALUATION_BATCH):
-            rows = np.arange(first, min(first + _EVALUATION_BATCH, len(lessons)))
-            with _numbers(config):
-                found.append(network(_tensor(lessons, rows)).float())
+            images, answers = lessons.take(
+                np.arange(first, min(first + _EVALUATION_BATCH, len(lessons))), -1
+            )
+            with _numbers(config, images.device):
+                rests.append(answers - network(images).float())
     hook.remove()
-    features, rest = torch.cat(pooled), torch.from_numpy(lessons.answers) - torch.cat(found)
+    features, rest = torch.cat(pooled), torch.cat(rests)
     middle, mean_rest = features.mean(dim=0), rest.mean(dim=0)
     centred = (features - middle).double()
     gram = centred.T @ centred
@@ -194,7 +217,7 @@ def fit_top(network: nn.Module, lessons: Lessons, config: DistilConfig) -> None:
         top.bias.add_(mean_rest - middle @ change)
 
 
-def _some(lessons: Lessons, config: DistilConfig) -> Iterator[NDArray[np.intp]]:
+def _some(lessons: Learnable, config: DistilConfig) -> Iterator[NDArray[np.intp]]:
     """Yield batches drawn from all images."""
     order = np.random.default_rng([config.seed, 23]).permutation(len(lessons))
     for first in range(0, min(len(lessons), NORM_BATCHES * config.batch), config.batch):
@@ -203,14 +226,12 @@ def _some(lessons: Lessons, config: DistilConfig) -> Iterator[NDArray[np.intp]]:
             yield part
 
 
-def _loss(
-    network: nn.Module, lessons: Lessons, part: NDArray[np.intp], config: DistilConfig
-) -> Tensor:
+def _loss(network: nn.Module, images: Tensor, answers: Tensor, config: DistilConfig) -> Tensor:
     """Return the divergence of the student's softened answers from the teacher's, nats."""
-    with _numbers(config):
-        logits = network(_tensor(lessons, part)).float()
+    with _numbers(config, images.device):
+        logits = network(images).float()
     heat = config.temperature
-    wanted = torch.from_numpy(lessons.answers[part]) / heat
+    wanted = answers / heat
     loss = functional.kl_div(
         (logits / heat).log_softmax(dim=1), wanted.log_softmax(dim=1),
         reduction="batchmean", log_target=True,
@@ -218,25 +239,12 @@ def _loss(
     return torch.as_tensor(loss * heat**2)
 
 
-def _tensor(lessons: Lessons, part: NDArray[np.intp]) -> Tensor:
-    """Return images (n, 3, side, side), 0 to 255; channels stay last in memory."""
-    return torch.from_numpy(lessons.images[part]).permute(0, 3, 1, 2).float()
-
-
-def _numbers(config: DistilConfig) -> Any:
+def _numbers(config: DistilConfig, device: torch.device) -> Any:
     """Return what chooses the numbers of convolutions and products in a block."""
-    return torch.autocast("cpu", torch.bfloat16) if config.bf16 else nullcontext()
+    return in_numbers(device, bf16=config.bf16)
 
 
 def _set_momentum(network: nn.Module, momentum: float) -> None:
     for module in network.modules():
         if isinstance(module, nn.BatchNorm2d):
             module.momentum = momentum
-
-
-def _pace(step: int, of: int) -> float:
-    """Return the share of the largest step size at a step."""
-    warm = max(1.0, _WARM_UP * of)
-    if step < warm:
-        return (step + 1) / (warm + 1)
-    return 0.5 * (1 + math.cos(math.pi * (step - warm) / max(1.0, of - warm)))

@@ -23,7 +23,8 @@ from torch.nn import functional
 from taxel.errors import MissingExtra
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.frame_features import FrameFeatures
-from taxel.training.backbones.lanes import LANES, Lanes
+from taxel.training.backbones.lanes import LANES, Lanes, prepared, varied
+from taxel.training.backbones.pace import pace
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
 from taxel.training.frames.heads import HeadConfig, TrainedHead, fit_head, tracks_of
 from taxel.windows.camera_recordings import CameraRecording
@@ -31,6 +32,14 @@ from taxel.windows.camera_recordings import CameraRecording
 if TYPE_CHECKING:
     from taxel.training.frames.extractors import BackboneExtractor
     from taxel.training.frames.features import FrameFeatures as KeptFeatures
+
+
+HEAD_RECORDINGS, HEAD_EPOCHS = 48, 4
+"""Of the head before the backbone is trained: recordings that it is fitted on, and passes. Source:
+our choice, docs/decisions/0057."""
+_CARD_LANES = 16
+"""Lanes where a graphics card trains: recordings whose stretches are mixed. Source: our choice,
+docs/decisions/0057."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +56,15 @@ class FineTuneConfig:
     """How a backbone is trained end to end."""
 
     epochs: int = 1
-    """Passes over the training windows."""
+    """Passes over the recordings; each gives a stretch for every second that it lasts."""
     batch: int = 4
-    """Windows in a step, over all processes: the same step from one and from several. Source:
-    paper, section 5.1."""
+    """Stretches in a step, over all processes: the same step from one and from several. Source:
+    paper, section 5.1, of windows."""
     learning_rate: float = 1e-4
-    """Adam's step size: a tenth of the paper's, since the backbone is trained already."""
+    """Adam's largest step size: a tenth of the paper's, since the backbone is trained already; it
+    rises first, then falls to zero along half a cosine."""
+    varied: bool = True
+    """Show stretches mirrored and with their colours in another order, each image of one alike."""
     accelerator: str = "auto"
     """Fabric's name of the device: auto, cpu, cuda, mps."""
     precision: Any = "32-true"
@@ -68,7 +80,7 @@ class EpochLoss:
     """What an epoch gave, as a checkpoint keeps it."""
 
     loss: float
-    """Mean over all processes' windows, nats."""
+    """Mean over all processes' stretches, nats."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +96,7 @@ class FineTuned:
 
 
 class EndToEnd(nn.Module):
-    """Frames of a window and of the grasp at rest → logit of "unstable".
+    """Stretches of frames, and the grasp at rest → logit of "unstable" of each window.
 
     Args:
         backbone: What `BACKBONES[name].build` made, with its weights.
@@ -99,27 +111,28 @@ class EndToEnd(nn.Module):
         super().__init__()
         self.features = FrameFeatures(backbone, name, side_px)
         self.head = head.module
-        self.tare = head.config.tare
+        self.tare, self.frames = head.config.tare, head.config.frames
         self.offset: Tensor
         self.factor: Tensor
         self.register_buffer("offset", torch.from_numpy(head.offset))
         self.register_buffer("factor", torch.from_numpy(head.factor))
 
-    def forward(self, windows: Tensor, rest: Tensor) -> Tensor:
-        """Return logits, shape (n,).
+    def forward(self, images: Tensor, frames: Tensor, rest: Tensor) -> Tensor:
+        """Return the logits of all windows of each stretch, shape (n, s − k + 1).
 
         Args:
-            windows: Shape (n, k, 2, h, w, 3), uint8.
-            rest: The settled grasp's images, shape (n, 2, h, w, 3), uint8.
+            images: Shape (m, h, w, 3), uint8.
+            frames: Shape (n, s, cameras): each frame's image.
+            rest: Shape (n, cameras): each settled grasp's image.
         """
-        n, k, cameras = windows.shape[:3]
-        frames = torch.cat([windows, rest[:, None]], dim=1)
-        found = self.features(frames.flatten(0, 2)).unflatten(0, (n, k + 1, cameras))
-        seen = found[:, :k]
+        found = self.features(images)
+        seen = found[frames]
         if self.tare != "none":
-            seen = seen - found[:, k:]
+            seen = seen - found[rest][:, None]
             seen = seen.abs() if self.tare == "size" else seen
-        logits: Tensor = self.head(((seen - self.offset) * self.factor).flatten(2))
+        scaled = (seen - self.offset) * self.factor
+        windows = scaled.flatten(2).unfold(1, self.frames, 1).transpose(2, 3)
+        logits: Tensor = self.head(windows.flatten(0, 1)).unflatten(0, windows.shape[:2])
         return logits
 
     def train(self, mode: bool = True) -> EndToEnd:
@@ -143,9 +156,10 @@ def begin_end_to_end(
         extractor: The backbone.
         features: Of each recording, by this extractor.
         labels: Of each recording's frames, shape (n,).
-        config: How the head is fitted.
+        config: How heads are fitted; this one in `HEAD_EPOCHS` at most, as it goes on learning.
     """
-    head = fit_head(tracks_of(features, labels), config)
+    epochs = min(config.epochs, HEAD_EPOCHS)
+    head = fit_head(tracks_of(features, labels), replace(config, epochs=epochs))
     module = find_backbone(extractor.backbone).build("logits")
     extractor.weights.load_into(module)
     return EndToEnd(module, extractor.backbone, head, extractor.weights.side_px)
@@ -157,8 +171,6 @@ def fine_tune(
     labels: Sequence[NDArray[np.int8]],
     config: FineTuneConfig,
     *,
-    frames: int,
-    stride: int,
     on_step: Callable[[int, int, float], None] = lambda _step, _of, _loss: None,
 ) -> FineTuned:
     """Train a network in place.
@@ -168,8 +180,6 @@ def fine_tune(
         pours: Recordings to learn from.
         labels: One a frame, shape (n,): 0 stable, 1 unstable.
         config: How to train.
-        frames: k.
-        stride: Frames from one training window's start to the next.
         on_step: Called with the step's number, how many there are and its loss.
 
     Raises:
@@ -178,12 +188,15 @@ def fine_tune(
         BadInput: The checkpoint is damaged or belongs to another configuration.
     """
     fabric = _launched(config)
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     adam = torch.optim.Adam(
         [parameter for parameter in network.parameters() if parameter.requires_grad],
-        lr=config.learning_rate, eps=1e-3,
-    )  # fmt: skip
+        lr=config.learning_rate,
+    )
     model, optimiser = fabric.setup(network, adam)
-    lanes = Lanes(pours, labels, frames, stride, max(LANES, fabric.world_size))
+    on_card = fabric.device.type != "cpu"
+    count = max(min(config.batch, _CARD_LANES) if on_card else LANES, fabric.world_size)
+    lanes = Lanes(pours, labels, network.frames, count, (os.cpu_count() or 1) if on_card else 1)
     mine = range(fabric.global_rank, lanes.count, fabric.world_size)
     job = lanes.digest()
     history: list[EpochLoss] = []
@@ -191,25 +204,30 @@ def fine_tune(
     if kept is not None and kept.resume and kept.path.exists():
         history = load_checkpoint(kept.path, network, adam, config, EpochLoss, job)
     fabric.barrier()
-    a_lane = max(1, config.batch // lanes.count)
-    steps = -(-lanes.share // a_lane)
+    steps = -(-lanes.share // max(1, config.batch // lanes.count))
     for epoch in range(len(history), config.epochs):
         model.train()
         torch.manual_seed(config.seed * 100_019 + epoch * 101 + fabric.global_rank)
-        total, count = 0.0, 0
-        for step, (windows, rest, wanted) in enumerate(lanes.batches(config, epoch, mine), 1):
-            logits = model(windows.to(fabric.device), rest.to(fabric.device))
-            loss = functional.binary_cross_entropy_with_logits(logits, wanted.to(fabric.device))
+        total, known = 0.0, 0
+        for step, batch in enumerate(prepared(lanes.batches(config, epoch, mine)), 1):
+            done = epoch * steps + step
+            for group in adam.param_groups:
+                group["lr"] = config.learning_rate * pace(done - 1, config.epochs * steps)
+            here = batch.to(fabric.device)
+            here = varied(here) if config.varied else here
+            logits = model(here.images, here.frames, here.rest)
+            loss = functional.binary_cross_entropy_with_logits(logits.float(), here.labels)
             optimiser.zero_grad(set_to_none=True)
             fabric.backward(loss)
             optimiser.step()
-            total, count = total + float(loss.detach()) * len(wanted), count + len(wanted)
-            on_step(epoch * steps + step, config.epochs * steps, float(loss.detach()))
-        both = fabric.all_reduce(torch.tensor([total, float(count)]), reduce_op="sum")
+            total, known = total + float(loss.detach()) * len(here.labels), known + len(here.labels)
+            on_step(done, config.epochs * steps, float(loss.detach()))
+        both = fabric.all_reduce(torch.tensor([total, float(known)]), reduce_op="sum")
         history.append(EpochLoss(float(both[0]) / max(1.0, float(both[1]))))
         if kept is not None and fabric.is_global_zero:
             save_checkpoint(kept.path, network, adam, config, history, job)
         fabric.barrier()
+    network.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]
     network.eval()
     return FineTuned(
         tuple(epoch.loss for epoch in history), fabric.is_global_zero, str(fabric.device),

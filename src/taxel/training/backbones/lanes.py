@@ -1,17 +1,22 @@
-"""Training windows of images, dealt to lanes: each process decodes its own recordings only.
+"""Stretches of recordings to train on, dealt to lanes: each process decodes its own part only.
 
-All windows of an epoch, recording after recording in a drawn order, are cut into lanes of equal
-length. A step takes as many windows from each lane, so that it is the same step whether one
-process walks all lanes or each has one of its own. Knows nothing about networks.
+A stretch is a run of frames that holds many windows, so that each of its images passes through the
+backbone once. Half of them hold a change of label, where there is one: far from it any network is
+right. All stretches of an epoch, recording after recording in a drawn order, are cut into lanes of
+equal length. A step takes as many from each lane, so that it is the same step whether one process
+walks all lanes or each has one of its own. Knows nothing about networks.
 
-Source: docs/decisions/0050.
+Source: docs/decisions/0050, docs/decisions/0057.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Protocol
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from itertools import permutations, product
+from typing import Protocol, TypeVar
 
 import numpy as np
 import torch
@@ -19,16 +24,48 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from taxel.frame_codec import decode_jpeg
+from taxel.side_by_side import SideBySide
 from taxel.windows.camera_recordings import CameraRecording, frame_sets
 from taxel.windows.rest import SETTLE
-from taxel.windows.sequence import label_windows, window_starts
+from taxel.windows.sequence import label_windows
 
 LANES = 2
-"""Lanes of one or two processes, so recordings whose windows are mixed at a time: 332 MB for six
-seconds at 60 Hz, 320×240."""
+"""Lanes of one or two processes, so recordings whose stretches are mixed at a time: 134 MB for six
+seconds at 25 images a second, 320×240."""
+WINDOWS = 17
+"""Windows of a stretch, unless a recording is shorter. Source: our choice, docs/decisions/0057."""
+EVERY = 60
+"""A recording gives one stretch for so many of its frames in an epoch. Source: our choice,
+docs/decisions/0057."""
 
-Drawn = tuple[NDArray[np.uint8], NDArray[np.uint8], int]
-"""A window's images, shape (k, cameras, h, w, 3), those at rest, and its label."""
+Item = TypeVar("Item")
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Stretches of a step; each different image stands in it once."""
+
+    images: Tensor
+    """Shape (m, h, w, 3), uint8: of all stretches, then those at rest."""
+    stretch: Tensor
+    """Shape (m,): whose each image is, so that all of one can be changed alike."""
+    frames: Tensor
+    """Shape (n, s, cameras): each frame's image."""
+    rest: Tensor
+    """Shape (n, cameras): each settled grasp's image."""
+    variant: Tensor
+    """Shape (n,): which of `VARIANTS` each stretch may be shown as."""
+    labels: Tensor
+    """Shape (n, s − k + 1): of each window, 0 or 1."""
+
+    def to(self, device: torch.device) -> Batch:
+        """Return the same on a device."""
+        return Batch(*(getattr(self, name).to(device, non_blocking=True) for name in _FIELDS))
+
+
+_FIELDS = ("images", "stretch", "frames", "rest", "variant", "labels")
+VARIANTS = tuple(product((False, True), (False, True), permutations(range(3))))
+"""Turned upside down, mirrored, and the order of the colours: 24 ways to show an image."""
 
 
 class HasBatch(Protocol):
@@ -36,24 +73,43 @@ class HasBatch(Protocol):
 
     @property
     def batch(self) -> int:
-        """Return the windows in a batch."""
+        """Return the stretches in a step."""
         ...
 
     @property
     def seed(self) -> int:
-        """Return the seed of the windows' order."""
+        """Return the seed of the stretches and their order."""
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class _Images:
+    """A recording's different images, decoded."""
+
+    values: NDArray[np.uint8]
+    """Shape (m, h, w, 3)."""
+    rest: NDArray[np.uint8]
+    """Shape (cameras, h, w, 3): the median of each camera's settled frames."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    images: NDArray[np.uint8]
+    rows: NDArray[np.intp]
+    rest: NDArray[np.uint8]
+    variant: int
+    labels: NDArray[np.int8]
+
+
 class Lanes:
-    """The training windows of some recordings.
+    """The stretches of some recordings.
 
     Args:
-        pours: Recordings to learn from.
+        pours: Recordings to learn from; those shorter than a window give none.
         labels: One a frame, shape (n,): 0 stable, 1 unstable.
         frames: k.
-        stride: Frames from one training window's start to the next.
         count: How many lanes.
+        decoders: Threads that decode images.
     """
 
     def __init__(
@@ -61,69 +117,128 @@ class Lanes:
         pours: Sequence[CameraRecording],
         labels: Sequence[NDArray[np.int8]],
         frames: int,
-        stride: int,
         count: int,
+        decoders: int = 1,
     ) -> None:
         self._pours, self._labels, self._frames, self.count = pours, labels, frames, count
-        self._places = [window_starts(len(pour), frames, stride) for pour in pours]
-        self.share = sum(map(len, self._places)) // count
-        """Windows of a lane in an epoch; of the rest, fewer than there are lanes, none is used."""
+        self._length = min([frames + WINDOWS - 1, *(len(p) for p in pours if len(p) >= frames)])
+        self._each = [-(-len(p) // EVERY) if len(p) >= frames else 0 for p in pours]
+        self.share = sum(self._each) // count
+        """Stretches of a lane in an epoch; of the rest, fewer than there are lanes, none is
+        used."""
+        self._beside = SideBySide(decoders)
 
     def digest(self) -> str:
         """Return what a checkpoint must share with the training that goes on from it."""
-        digest = hashlib.sha256(f"{self._frames} {self.count}".encode())
-        for pour, labels, places in zip(self._pours, self._labels, self._places, strict=True):
+        digest = hashlib.sha256(f"{self._frames} {self._length} {self.count}".encode())
+        for pour, labels in zip(self._pours, self._labels, strict=True):
             digest.update(pour.digest.encode())
-            digest.update(labels.tobytes() + places.tobytes())
+            digest.update(labels.tobytes())
         return digest.hexdigest()
 
-    def batches(
-        self, config: HasBatch, epoch: int, mine: Iterable[int]
-    ) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
-        """Yield an epoch's steps: images, images at rest and labels of this process's windows.
+    def batches(self, config: HasBatch, epoch: int, mine: Iterable[int]) -> Iterator[Batch]:
+        """Yield an epoch's steps: the stretches of this process.
 
         Args:
-            config: Windows in a step over all lanes, and the seed of the order.
+            config: Stretches in a step over all lanes, and the seed of the order.
             epoch: 0 for the first.
             mine: The lanes of this process.
         """
         size = max(1, config.batch // self.count)
-        order = self._order(np.random.default_rng((config.seed, epoch)))
-        walks = [self._walk(order[lane * self.share : (lane + 1) * self.share]) for lane in mine]
+        order = self.places(config.seed, epoch)
+        key = config.seed, epoch
+        parts = [order[lane * self.share : (lane + 1) * self.share] for lane in mine]
+        walks = [self._walk(part, key) for part in parts]
         for first in range(0, self.share, size):
             part = range(min(size, self.share - first))
             yield _stack([next(walk) for walk in walks for _ in part])
 
-    def _order(self, random: np.random.Generator) -> list[tuple[int, int]]:
-        """Return all windows, (recording, start), a recording's own together."""
-        return [
-            (int(i), int(start))
-            for i in random.permutation(len(self._pours))
-            for start in random.permutation(self._places[i])
-        ]
+    def places(self, seed: int, epoch: int) -> list[tuple[int, int]]:
+        """Return an epoch's stretches, (recording, first frame), a recording's own together."""
+        order = np.random.default_rng((seed, epoch)).permutation(len(self._pours))
+        return [(int(i), start) for i in order for start in self._starts(int(i), seed, epoch)]
 
-    def _walk(self, order: Sequence[tuple[int, int]]) -> Iterator[Drawn]:
-        """Yield windows; one recording's images are held at a time."""
+    def _starts(self, recording: int, seed: int, epoch: int) -> list[int]:
+        """Return where a recording's stretches begin: every second one holds a change of label."""
+        draw = np.random.default_rng((seed, epoch, recording))
+        labels = self._labels[recording]
+        last = len(labels) - self._length
+        changes = np.flatnonzero(np.diff(labels)) + 1
+        starts = []
+        for number in range(self._each[recording]):
+            first, end = 0, last
+            if number % 2 == 0 and len(changes):
+                change = int(draw.choice(changes))
+                first, end = max(0, change - self._length + 1), min(last, change - 1)
+            starts.append(int(draw.integers(first, end + 1)))
+        return starts
+
+    def _walk(self, order: Sequence[tuple[int, int]], key: tuple[int, int]) -> Iterator[_Stretch]:
+        """Yield stretches; one recording's images are held at a time."""
         known = -1
         for i, start in order:
             if i != known:
-                images, known = _decode(self._pours[i]), i
-                rest = np.median(images[SETTLE], axis=0).astype(np.uint8)
+                images, known = _decode(self._pours[i], self._beside), i
                 wanted = label_windows(self._labels[i], self._frames)
-            yield images[start : start + self._frames], rest, int(wanted[start])
+            part = slice(start, start + self._length)
+            numbers, rows = np.unique(self._pours[i].image[part], return_inverse=True)
+            yield _Stretch(
+                images.values[numbers],
+                rows.reshape(self._length, -1),
+                images.rest,
+                int(np.random.default_rng((*key, i, start)).integers(len(VARIANTS))),
+                wanted[start : start + self._length - self._frames + 1],
+            )
 
 
-def _decode(pour: CameraRecording) -> NDArray[np.uint8]:
-    """Return all images, shape (n, cameras, h, w, 3)."""
-    found = [[decode_jpeg(frame.jpeg, pour.cameras[frame.camera]) for frame in frame_set.frames]
-             for frame_set in frame_sets(pour.path, len(pour.cameras))]  # fmt: skip
-    return np.asarray(found, np.uint8)
+def _decode(pour: CameraRecording, beside: SideBySide) -> _Images:
+    """Return a recording's images."""
+    files: list[tuple[bytes, int]] = []
+    for found, row in zip(frame_sets(pour.path, len(pour.cameras)), pour.image, strict=True):
+        for frame, number in zip(found.frames, row, strict=True):
+            if number == len(files):
+                files.append((frame.jpeg, frame.camera))
+    decoded = beside.map(lambda file: decode_jpeg(file[0], pour.cameras[file[1]]), files)
+    values = np.stack(decoded)
+    settled = pour.image[SETTLE].T
+    rest = np.stack([np.sort(values[rows], axis=0)[len(rows) // 2] for rows in settled])
+    return _Images(values, rest)
 
 
-def _stack(batch: list[Drawn]) -> tuple[Tensor, Tensor, Tensor]:
-    windows, rests, wanted = zip(*batch, strict=True)
-    return (
-        torch.from_numpy(np.stack(windows)),
-        torch.from_numpy(np.stack(rests)),
-        torch.tensor(wanted, dtype=torch.float32),
-    )
+def _stack(stretches: list[_Stretch]) -> Batch:
+    counts = [len(stretch.images) for stretch in stretches]
+    firsts = np.cumsum([0, *counts])
+    cameras = len(stretches[0].rest)
+    rest = firsts[-1] + np.arange(len(stretches) * cameras).reshape(-1, cameras)
+    numbers = np.arange(len(stretches))
+    return Batch(
+        torch.from_numpy(np.concatenate([each.images for each in stretches]
+                                        + [each.rest for each in stretches])),
+        torch.from_numpy(np.concatenate([numbers.repeat(counts), numbers.repeat(cameras)])),
+        torch.from_numpy(np.stack([each.rows + first for each, first
+                                   in zip(stretches, firsts, strict=False)])),
+        torch.from_numpy(rest),
+        torch.tensor([each.variant for each in stretches]),
+        torch.from_numpy(np.stack([each.labels for each in stretches])).float(),
+    )  # fmt: skip
+
+
+def varied(batch: Batch) -> Batch:
+    """Return stretches as their variants: all images of one, those at rest too, changed alike."""
+    images = batch.images.clone()
+    for number, variant in enumerate(batch.variant.tolist()):
+        overhead, mirrored, colours = VARIANTS[variant]
+        own = torch.nonzero(batch.stretch == number).squeeze(1)
+        sides = [side for side, turned in ((1, overhead), (2, mirrored)) if turned]
+        images[own] = images[own].flip(sides)[..., list(colours)]
+    return replace(batch, images=images)
+
+
+def prepared(items: Iterator[Item]) -> Iterator[Item]:
+    """Yield the same; while the caller works with one, a thread fetches the next."""
+    nothing = object()
+    with ThreadPoolExecutor(1, "taxel next step") as pool:
+        waiting = pool.submit(next, items, nothing)
+        while (item := waiting.result()) is not nothing:
+            waiting = pool.submit(next, items, nothing)
+            yield item  # type: ignore[misc]

@@ -19,9 +19,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from taxel.errors import BadDataset
+from taxel.side_by_side import SideBySide
 from taxel.training.backbones.touch_images import Image, ImageSource, changed
 from taxel.training.frames.features import BATCH, Extractor, cache_room, load_kept, save_kept
 
@@ -91,6 +94,21 @@ class Lessons:
     def __len__(self) -> int:
         return len(self.images)
 
+    def take(self, part: NDArray[np.intp], epoch: int) -> tuple[Tensor, Tensor]:
+        """Return images, shape (n, 3, side, side), 0 to 255, and the answers, (n, 1000).
+
+        Args:
+            part: Which.
+            epoch: Changes nothing: copies were drawn once.
+        """
+        images = torch.from_numpy(self.images[part]).permute(0, 3, 1, 2).float()
+        return images, torch.from_numpy(self.answers[part])
+
+    @property
+    def device(self) -> torch.device:
+        """Return where images and answers are given."""
+        return torch.device("cpu")
+
     def digest(self) -> str:
         """Return the SHA-256 of all, hexadecimal."""
         whole = hashlib.sha256()
@@ -153,12 +171,22 @@ def gather_lessons(
 
 
 def _copies(videos: Sequence[ImageSource], config: LessonConfig) -> Iterator[tuple[Image, bool]]:
-    for number, video in enumerate(videos):
-        draw = np.random.default_rng([19, config.seed, number])
-        for image in video.images(config.frames):
-            yield image, True
-            for _ in range(config.copies - 1):
-                yield changed(image, draw), False
+    most = os.cpu_count() or 1
+    beside = SideBySide(most)
+    numbered = list(enumerate(videos))
+    for first in range(0, len(numbered), most):
+        for copies in beside.map(lambda each: _copies_of(*each, config),
+                                 numbered[first : first + most]):  # fmt: skip
+            yield from copies
+
+
+def _copies_of(number: int, video: ImageSource, config: LessonConfig) -> list[tuple[Image, bool]]:
+    draw = np.random.default_rng([19, config.seed, number])
+    copies = []
+    for image in video.images(config.frames):
+        copies.append((image, True))
+        copies += [(changed(image, draw), False) for _ in range(config.copies - 1)]
+    return copies
 
 
 def _chunks(images: Iterator[tuple[Image, bool]]) -> Iterator[list[tuple[Image, bool]]]:

@@ -32,6 +32,21 @@ HEIGHT_PX, WIDTH_PX = 240, 320
 
 Image = NDArray[np.uint8]
 
+CUT = (0.3, 1.0)
+"""Side of the cut-out, of the image's. Source: our choice, as those below."""
+TURN_DEG = 180.0
+"""Largest turn either way, degrees."""
+GAMMA, LIGHT, COLOUR, CONTRAST = 0.3, 0.15, 0.3, 0.4
+"""Deviation of the logarithm of the exponent and factors."""
+NEGATIVE = 0.5
+"""Share of copies that are negatives."""
+BLURRED = 0.3
+"""Share of copies that are blurred."""
+BLUR_PX = (0.5, 2.0)
+"""Deviation of the blur, pixels."""
+NOISE = 0.03
+"""Largest deviation of a pixel's noise, of white."""
+
 
 @dataclass(frozen=True, slots=True)
 class ImageSource:
@@ -109,8 +124,8 @@ def changed(image: Image, draw: np.random.Generator) -> Image:
         image: Shape (240, 320, 3), R G B.
         draw: What is drawn from.
     """
-    size = draw.uniform(*_CUT)
-    turn = np.radians(draw.uniform(-_TURN_DEG, _TURN_DEG))
+    size = draw.uniform(*CUT)
+    turn = np.radians(draw.uniform(-TURN_DEG, TURN_DEG))
     mirror = np.where(draw.random(2) < 0.5, -1.0, 1.0)
     cos, sin = size * np.cos(turn), size * np.sin(turn)
     matrix = np.array([[cos * mirror[0], -sin * mirror[1]], [sin * mirror[0], cos * mirror[1]]])
@@ -123,31 +138,17 @@ def changed(image: Image, draw: np.random.Generator) -> Image:
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REFLECT_101,
     )  # fmt: skip
     moved = moved[..., draw.permutation(3)]
-    if draw.random() < _NEGATIVE:
+    if draw.random() < NEGATIVE:
         moved = 255 - moved
-    values = (moved.astype(np.float32) / 255) ** np.exp(draw.normal(0, _GAMMA))
-    gain = np.exp(draw.normal(0, _LIGHT) + draw.normal(0, _COLOUR, 3)).astype(np.float32)
+    values = (moved.astype(np.float32) / 255) ** np.exp(draw.normal(0, GAMMA))
+    gain = np.exp(draw.normal(0, LIGHT) + draw.normal(0, COLOUR, 3)).astype(np.float32)
     middle_grey = values.mean()
-    contrast = np.exp(draw.normal(0, _CONTRAST))
+    contrast = np.exp(draw.normal(0, CONTRAST))
     values = ((values - middle_grey) * contrast + middle_grey) * gain
-    if draw.random() < _BLURRED:
-        values = cv2.GaussianBlur(values, (0, 0), draw.uniform(0.5, 2.0))
-    values = values + draw.normal(0, draw.uniform(0, _NOISE), values.shape).astype(np.float32)
+    if draw.random() < BLURRED:
+        values = cv2.GaussianBlur(values, (0, 0), draw.uniform(*BLUR_PX))
+    values = values + draw.normal(0, draw.uniform(0, NOISE), values.shape).astype(np.float32)
     return np.asarray((values * 255).clip(0, 255), np.uint8)
-
-
-_CUT = (0.3, 1.0)
-"""Side of the cut-out, of the image's. Source: our choice, as those below."""
-_TURN_DEG = 180.0
-"""Largest turn either way, degrees."""
-_GAMMA, _LIGHT, _COLOUR, _CONTRAST = 0.3, 0.15, 0.3, 0.4
-"""Deviation of the logarithm of the exponent and factors."""
-_NEGATIVE = 0.5
-"""Share of copies that are negatives."""
-_BLURRED = 0.3
-"""Share of copies that are blurred."""
-_NOISE = 0.03
-"""Largest deviation of a pixel's noise, of white."""
 
 
 def _object(pour: CameraRecording) -> str:

@@ -8,19 +8,29 @@ labels.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.bundles.engine import Engine, EngineName, Precision, open_engine
+from taxel.errors import BadInput
 from taxel.gel.slip_features import SLIP_FEATURES, SlipFeatures
+from taxel.training.frames.features import BATCH
 
 if TYPE_CHECKING:
+    from torch import nn
+
     from taxel.models.weights import Weights
+
+
+BackboneEngine = Literal[EngineName, "torch"]
+"""Engines of exported models, and PyTorch, which is for computing features on a graphics card."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +40,24 @@ class BackboneExtractor:
     backbone: str
     """A name in `BACKBONES`."""
     weights: Weights
-    model: bytes
-    """The ONNX file."""
+    written: bytes | Callable[[], bytes]
+    """The ONNX file, or what writes it, where PyTorch runs the module itself."""
     engine: Engine
     key: str
     features: int
-    run_by: tuple[EngineName, Precision, int] = ("onnxruntime", "f32", 1)
+    run_by: tuple[BackboneEngine, Precision, int] = ("onnxruntime", "f32", 1)
     """Which library runs it, with which numbers and how many threads."""
     in_order: bool = False
+
+    @property
+    def model(self) -> bytes:
+        """The ONNX file."""
+        return self.written if isinstance(self.written, bytes) else self.written()
+
+    @property
+    def at_once(self) -> int:
+        """Images that are best given to it together: many where a graphics card computes."""
+        return 64 if getattr(self.engine, "on_card", False) else BATCH
 
     def of(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
         return self.engine.run(frames=np.stack(images))
@@ -47,7 +67,7 @@ def open_backbone(
     backbone: str,
     weights: Path | None = None,
     *,
-    engine: EngineName = "onnxruntime",
+    engine: BackboneEngine = "onnxruntime",
     precision: Precision = "f32",
     threads: int = 1,
     size_px: tuple[int, int] = (240, 320),
@@ -58,8 +78,8 @@ def open_backbone(
     Args:
         backbone: A name in `BACKBONES`.
         weights: A file of weights; found as `find_weights` says unless given.
-        engine: Which library runs it.
-        precision: bf16 needs OpenVINO; int8 needs NNCF, which comes with it.
+        engine: Which library runs it; torch on a graphics card where there is one.
+        precision: bf16 needs OpenVINO or PyTorch; int8 needs NNCF, which comes with it.
         threads: Threads of the engine.
         size_px: Height and width of the camera's frames, pixels.
         calibration: Images that set the ranges of 8-bit numbers; for int8.
@@ -70,6 +90,7 @@ def open_backbone(
     """
     from taxel.models.backbones.catalogue import find_backbone
     from taxel.models.export_onnx import export_backbone
+    from taxel.models.frame_features import FrameFeatures
     from taxel.models.weights import find_weights
     from taxel.training.frames.quantising import quantise
 
@@ -77,9 +98,14 @@ def open_backbone(
     found = find_weights(backbone, weights)
     module = row.build("logits").eval()
     found.load_into(module)
-    model = export_backbone(module, backbone, *size_px, side_px=found.side_px)
     label = "random" if found.path is None else "trained"
     key = f"{backbone}-{label}-{found.digest[:12]}-{engine}-{precision}-{size_px[1]}x{size_px[0]}"
+    write = partial(export_backbone, module, backbone, *size_px, side_px=found.side_px)
+    if engine == "torch":
+        ready = _in_torch(FrameFeatures(deepcopy(module), backbone, found.side_px), precision)
+        run_by: tuple[BackboneEngine, Precision, int] = (engine, precision, threads)
+        return BackboneExtractor(backbone, found, write, ready, key, row.features, run_by)
+    model = write()
     if precision == "int8":
         model = quantise(model, calibration)
         key += "-" + hashlib.sha256(np.stack(calibration).tobytes()).hexdigest()[:12]
@@ -92,6 +118,19 @@ def open_backbone(
         row.features,
         (engine, precision, threads),
     )
+
+
+def _in_torch(module: nn.Module, precision: Precision) -> Engine:
+    """Return a module run by PyTorch, on a graphics card where there is one.
+
+    Raises:
+        BadInput: PyTorch is to run 8-bit numbers.
+    """
+    from taxel.models.torch_engine import TorchEngine, best_device
+
+    if precision == "int8":
+        raise BadInput("--precision f32 or bf16 for PyTorch", "int8", "choose another --engine")
+    return TorchEngine(module, best_device(), bf16=precision == "bf16")
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,10 @@ from taxel.errors import BadFile, RecordingFailed
 from taxel.foreign.archives import LARGEST_ARRAYS, array_of
 from taxel.foreign.files import read_bytes
 from taxel.frame_codec import decode_jpeg
+from taxel.side_by_side import SideBySide
 from taxel.windows.camera_recordings import CameraRecording, frame_sets
+
+Item = TypeVar("Item")
 
 CACHE_VARIABLE = "TAXEL_CACHE"
 """Environment variable: the folder for features and other things that can be made again."""
@@ -146,7 +149,13 @@ def _compute(pour: CameraRecording, extractor: Extractor) -> NDArray[np.float32]
     if extractor.in_order:
         each = [extractor.of(list(_images(pour, camera))) for camera in range(cameras)]
         return np.stack(each, axis=1).reshape(-1, extractor.features)
-    parts = [extractor.of(batch) for batch in _batches(_different(pour))]
+    at_once = getattr(extractor, "at_once", BATCH)
+    # Where a card computes, decoding would be what takes the time.
+    beside = SideBySide(min(os.cpu_count() or 1, at_once) if at_once > BATCH else 1)
+    parts = [
+        extractor.of(beside.map(lambda file: decode_jpeg(file[0], pour.cameras[file[1]]), batch))
+        for batch in _batches(_different(pour), at_once)
+    ]
     return np.concatenate(parts)
 
 
@@ -160,21 +169,23 @@ def _images(pour: CameraRecording, camera: int) -> Iterator[NDArray[np.uint8]]:
         yield last[1]
 
 
-def _different(pour: CameraRecording) -> Iterator[NDArray[np.uint8]]:
-    """Yield the recording's different images in the order of `CameraRecording.image`."""
+def _different(pour: CameraRecording) -> Iterator[tuple[bytes, int]]:
+    """Yield the recording's different images, each with its camera's number, in the order of
+    `CameraRecording.image`.
+    """
     known = 0
     for found, row in zip(frame_sets(pour.path, len(pour.cameras)), pour.image, strict=True):
         for frame, number in zip(found.frames, row, strict=True):
             if number == known:
                 known += 1
-                yield decode_jpeg(frame.jpeg, pour.cameras[frame.camera])
+                yield frame.jpeg, frame.camera
 
 
-def _batches(images: Iterable[NDArray[np.uint8]]) -> Iterator[list[NDArray[np.uint8]]]:
-    batch: list[NDArray[np.uint8]] = []
+def _batches(images: Iterable[Item], at_once: int) -> Iterator[list[Item]]:
+    batch: list[Item] = []
     for image in images:
         batch.append(image)
-        if len(batch) == BATCH:
+        if len(batch) == at_once:
             yield batch
             batch = []
     if batch:

@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.engine import Engine, EngineName, Precision, open_engine
+from taxel.bundles.engine import Engine, Precision, open_engine
 from taxel.errors import BadInput
 from taxel.jobs.running import as_done, shared_out
 from taxel.recordings.whole import write_whole
-from taxel.training.frames.extractors import BackboneExtractor
+from taxel.training.frames.extractors import BackboneEngine, BackboneExtractor
 from taxel.training.frames.features import Extractor, Progress, extract, kept_path, load_kept
 from taxel.windows.camera_recordings import CameraRecording, read_camera_recording
 
@@ -32,7 +32,7 @@ class StoredBackbone:
 
     model: Path
     """The ONNX file."""
-    run_by: tuple[EngineName, Precision, int]
+    run_by: tuple[BackboneEngine, Precision, int]
     key: str
     features: int
     in_order: bool = False
@@ -62,7 +62,8 @@ def fill_cache(
         return
     left = [
         (pour, extractor) for pour, extractor in zip(pours, extractors, strict=True)
-        if load_kept(kept_path(cache, extractor, pour), extractor.features) is None
+        if not _in_this_process(extractor)
+        and load_kept(kept_path(cache, extractor, pour), extractor.features) is None
     ]  # fmt: skip
     left.sort(key=lambda each: -len(each[0]))  # the longest last would keep one worker alone
     jobs = [(pour.path.absolute(), portable(own, cache), cache.absolute()) for pour, own in left]
@@ -76,6 +77,11 @@ def fill_cache(
             )  # fmt: skip
         known, frames, seconds = known + 1, frames + found.frames, seconds + found.seconds
         on_progress(Progress(known, len(pours), frames, seconds))
+
+
+def _in_this_process(extractor: Extractor) -> bool:
+    """Return whether no other process can run it: one graphics card serves one."""
+    return isinstance(extractor, BackboneExtractor) and extractor.run_by[0] == "torch"
 
 
 def extract_one(path: Path, extractor: Extractor, cache: Path) -> Progress:
@@ -96,5 +102,7 @@ def portable(extractor: Extractor, cache: Path) -> Extractor:
 
 
 @lru_cache(maxsize=1)
-def _opened(model: Path, run_by: tuple[EngineName, Precision, int]) -> Engine:
-    return open_engine(model.read_bytes(), *run_by)
+def _opened(model: Path, run_by: tuple[BackboneEngine, Precision, int]) -> Engine:
+    engine, precision, threads = run_by
+    assert engine != "torch", "is not carried to other processes"
+    return open_engine(model.read_bytes(), engine, precision, threads)
