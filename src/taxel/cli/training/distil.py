@@ -192,15 +192,17 @@ class Distil:
         self, teacher: BackboneExtractor, student: Student, seen: str, unseen: Agreement
     ) -> Any:
         """Return what the file of weights says of itself."""
+        from taxel.models.backbones.catalogue import find_backbone
         from taxel.models.published.about import About
 
+        usual = find_backbone(self.backbone).height_px
         return About(
             origin="taxel distil",
             trained=f"answers of {self.teacher}, {teacher.weights.words}, learned on touch, "
             f"{seen}, {self.side_px} px, {self.epochs} epoch(s), from {student.start}; same first "
             f"answer on {'changed ' if self.copies > 1 else ''}images of unseen objects "
             f"{unseen.words}",
-            side_px=str(self.side_px),
+            side_px="" if self.side_px == usual else str(self.side_px),
         )
 
     def _print(
