@@ -16,6 +16,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+_MULTIPLE = 16
+"""Of how many rows a graphics card is given. Source: our choice, docs/decisions/0057."""
+
 
 def best_device() -> torch.device:
     """Return the device that trains and computes fastest here."""
@@ -56,8 +59,11 @@ class TorchEngine:
     def run(self, **inputs: NDArray[Any]) -> NDArray[np.float32]:
         """Return the module's output for its one input, 32-bit."""
         (values,) = inputs.values()
-        found = self.of(torch.from_numpy(np.ascontiguousarray(values)).to(self.device))
-        return np.asarray(found.cpu().numpy())
+        values = np.ascontiguousarray(values)
+        rows = len(values)
+        if self.on_card and rows > _MULTIPLE:  # it prepares itself anew for each number of rows
+            values = np.concatenate([values, values[-1:].repeat(-rows % _MULTIPLE, axis=0)])
+        return np.asarray(self.of(torch.from_numpy(values).to(self.device))[:rows].cpu().numpy())
 
     def of(self, values: Tensor) -> Tensor:
         """Return the module's output, 32-bit, for a tensor on the same device."""

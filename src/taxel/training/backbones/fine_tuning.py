@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 HEAD_RECORDINGS, HEAD_EPOCHS = 48, 4
 """Of the head before the backbone is trained: recordings that it is fitted on, and passes. Source:
 our choice, docs/decisions/0057."""
-_CARD_LANES = 16
-"""Lanes where a graphics card trains: recordings whose stretches are mixed. Source: our choice,
-docs/decisions/0057."""
+_CARD_LANES, _CARD_MULTIPLE = 16, 64
+"""Where a graphics card trains: lanes, so recordings whose stretches are mixed, and what the number
+of images in a step is a multiple of. Source: our choice, docs/decisions/0057."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,12 +123,12 @@ class EndToEnd(nn.Module):
         Args:
             images: Shape (m, h, w, 3), uint8.
             frames: Shape (n, s, cameras): each frame's image.
-            rest: Shape (n, cameras): each settled grasp's image.
+            rest: Shape (n, r, cameras): images of each settled grasp.
         """
         found = self.features(images)
         seen = found[frames]
         if self.tare != "none":
-            seen = seen - found[rest][:, None]
+            seen = seen - found[rest].median(dim=1, keepdim=True).values
             seen = seen.abs() if self.tare == "size" else seen
         scaled = (seen - self.offset) * self.factor
         windows = scaled.flatten(2).unfold(1, self.frames, 1).transpose(2, 3)
@@ -196,7 +196,8 @@ def fine_tune(
     model, optimiser = fabric.setup(network, adam)
     on_card = fabric.device.type != "cpu"
     count = max(min(config.batch, _CARD_LANES) if on_card else LANES, fabric.world_size)
-    lanes = Lanes(pours, labels, network.frames, count, (os.cpu_count() or 1) if on_card else 1)
+    decoders, multiple = (os.cpu_count() or 1, _CARD_MULTIPLE) if on_card else (1, 1)
+    lanes = Lanes(pours, labels, network.frames, count, decoders, multiple)
     mine = range(fabric.global_rank, lanes.count, fabric.world_size)
     job = lanes.digest()
     history: list[EpochLoss] = []

@@ -32,6 +32,9 @@ from taxel.windows.sequence import label_windows
 LANES = 2
 """Lanes of one or two processes, so recordings whose stretches are mixed at a time: 134 MB for six
 seconds at 25 images a second, 320×240."""
+RESTING = 5
+"""Frames of the settled grasp that are shown beside each stretch. Source: our choice,
+docs/decisions/0057."""
 WINDOWS = 17
 """Windows of a stretch, unless a recording is shorter. Source: our choice, docs/decisions/0057."""
 EVERY = 60
@@ -46,13 +49,16 @@ class Batch:
     """Stretches of a step; each different image stands in it once."""
 
     images: Tensor
-    """Shape (m, h, w, 3), uint8: of all stretches, then those at rest."""
+    """Shape (m, h, w, 3), uint8: of all stretches, then those at rest, then copies of the last that
+    make m a multiple of `Lanes.multiple`."""
     stretch: Tensor
     """Shape (m,): whose each image is, so that all of one can be changed alike."""
     frames: Tensor
     """Shape (n, s, cameras): each frame's image."""
     rest: Tensor
-    """Shape (n, cameras): each settled grasp's image."""
+    """Shape (n, r, cameras): images of each settled grasp; the median of their features is that of
+    the grasp at rest. That of one median image would lack the cameras' noise, which every other
+    image has."""
     variant: Tensor
     """Shape (n,): which of `VARIANTS` each stretch may be shown as."""
     labels: Tensor
@@ -83,20 +89,10 @@ class HasBatch(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class _Images:
-    """A recording's different images, decoded."""
-
-    values: NDArray[np.uint8]
-    """Shape (m, h, w, 3)."""
-    rest: NDArray[np.uint8]
-    """Shape (cameras, h, w, 3): the median of each camera's settled frames."""
-
-
-@dataclass(frozen=True, slots=True)
 class _Stretch:
     images: NDArray[np.uint8]
     rows: NDArray[np.intp]
-    rest: NDArray[np.uint8]
+    rest: NDArray[np.intp]
     variant: int
     labels: NDArray[np.int8]
 
@@ -110,6 +106,8 @@ class Lanes:
         frames: k.
         count: How many lanes.
         decoders: Threads that decode images.
+        multiple: Of how many images a step has: for each number that it has not met, a graphics
+            card prepares itself anew, for as long as many steps take.
     """
 
     def __init__(
@@ -119,7 +117,9 @@ class Lanes:
         frames: int,
         count: int,
         decoders: int = 1,
+        multiple: int = 1,
     ) -> None:
+        self.multiple = multiple
         self._pours, self._labels, self._frames, self.count = pours, labels, frames, count
         self._length = min([frames + WINDOWS - 1, *(len(p) for p in pours if len(p) >= frames)])
         self._each = [-(-len(p) // EVERY) if len(p) >= frames else 0 for p in pours]
@@ -151,7 +151,7 @@ class Lanes:
         walks = [self._walk(part, key) for part in parts]
         for first in range(0, self.share, size):
             part = range(min(size, self.share - first))
-            yield _stack([next(walk) for walk in walks for _ in part])
+            yield _stack([next(walk) for walk in walks for _ in part], self.multiple)
 
     def places(self, seed: int, epoch: int) -> list[tuple[int, int]]:
         """Return an epoch's stretches, (recording, first frame), a recording's own together."""
@@ -180,44 +180,42 @@ class Lanes:
             if i != known:
                 images, known = _decode(self._pours[i], self._beside), i
                 wanted = label_windows(self._labels[i], self._frames)
-            part = slice(start, start + self._length)
-            numbers, rows = np.unique(self._pours[i].image[part], return_inverse=True)
+            rest = np.linspace(SETTLE.start, SETTLE.stop - 1, RESTING).astype(int)
+            frames = np.concatenate([np.arange(start, start + self._length), rest])
+            numbers, rows = np.unique(self._pours[i].image[frames], return_inverse=True)
+            rows = rows.reshape(len(frames), -1)
             yield _Stretch(
-                images.values[numbers],
-                rows.reshape(self._length, -1),
-                images.rest,
+                images[numbers],
+                rows[: self._length],
+                rows[self._length :],
                 int(np.random.default_rng((*key, i, start)).integers(len(VARIANTS))),
                 wanted[start : start + self._length - self._frames + 1],
             )
 
 
-def _decode(pour: CameraRecording, beside: SideBySide) -> _Images:
-    """Return a recording's images."""
+def _decode(pour: CameraRecording, beside: SideBySide) -> NDArray[np.uint8]:
+    """Return a recording's different images, shape (m, h, w, 3)."""
     files: list[tuple[bytes, int]] = []
     for found, row in zip(frame_sets(pour.path, len(pour.cameras)), pour.image, strict=True):
         for frame, number in zip(found.frames, row, strict=True):
             if number == len(files):
                 files.append((frame.jpeg, frame.camera))
     decoded = beside.map(lambda file: decode_jpeg(file[0], pour.cameras[file[1]]), files)
-    values = np.stack(decoded)
-    settled = pour.image[SETTLE].T
-    rest = np.stack([np.sort(values[rows], axis=0)[len(rows) // 2] for rows in settled])
-    return _Images(values, rest)
+    return np.stack(decoded)
 
 
-def _stack(stretches: list[_Stretch]) -> Batch:
+def _stack(stretches: list[_Stretch], multiple: int) -> Batch:
     counts = [len(stretch.images) for stretch in stretches]
-    firsts = np.cumsum([0, *counts])
-    cameras = len(stretches[0].rest)
-    rest = firsts[-1] + np.arange(len(stretches) * cameras).reshape(-1, cameras)
-    numbers = np.arange(len(stretches))
+    firsts = np.cumsum([0, *counts[:-1]])
+    images = np.concatenate([each.images for each in stretches])
+    whose = np.arange(len(stretches)).repeat(counts)
+    more = -len(images) % multiple
+    pairs = list(zip(stretches, firsts, strict=True))
     return Batch(
-        torch.from_numpy(np.concatenate([each.images for each in stretches]
-                                        + [each.rest for each in stretches])),
-        torch.from_numpy(np.concatenate([numbers.repeat(counts), numbers.repeat(cameras)])),
-        torch.from_numpy(np.stack([each.rows + first for each, first
-                                   in zip(stretches, firsts, strict=False)])),
-        torch.from_numpy(rest),
+        torch.from_numpy(np.concatenate([images, images[-1:].repeat(more, axis=0)])),
+        torch.from_numpy(np.concatenate([whose, whose[-1:].repeat(more)])),
+        torch.from_numpy(np.stack([s.rows + first for s, first in pairs])),
+        torch.from_numpy(np.stack([s.rest + first for s, first in pairs])),
         torch.tensor([each.variant for each in stretches]),
         torch.from_numpy(np.stack([each.labels for each in stretches])).float(),
     )  # fmt: skip
