@@ -60,8 +60,8 @@ class FineTuneConfig:
     batch: int = 4
     """Stretches in a step, over all processes: the same step from one and from several. Source:
     paper, section 5.1, of windows."""
-    learning_rate: float = 1e-4
-    """Adam's largest step size: a tenth of the paper's, since the backbone is trained already; it
+    learning_rate: float = 3e-4
+    """Adam's largest step size: a third of the paper's, since the backbone is trained already; it
     rises first, then falls to zero along half a cosine."""
     varied: bool = True
     """Show stretches mirrored and with their colours in another order, each image of one alike."""
