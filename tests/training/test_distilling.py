@@ -152,3 +152,12 @@ def test_a_checkpoint_of_other_images_is_refused(tmp_path: Path) -> None:
     distil(Small(1), _lessons(), CONFIG, kept=kept)
     with pytest.raises(BadInput, match="other data"):
         distil(Small(1), _lessons(seed=5), CONFIG, kept=kept)
+
+
+def test_a_loss_that_is_no_number_ends_the_training_and_writes_nothing(tmp_path: Path) -> None:
+    lost = Small(1)
+    nn.init.constant_(lost.first.weight, float("nan"))
+    kept = KeptEpochs(tmp_path / "s.checkpoint")
+    with pytest.raises(BadInput, match="nan in step 1"):
+        distil(lost, _lessons(), CONFIG, kept=kept)
+    assert not kept.path.exists()

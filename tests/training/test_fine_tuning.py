@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from taxel.bench.real_mosquitto import free_port
 from taxel.cli.main import main
+from taxel.errors import BadInput
 from taxel.evaluation.transitions.data import load_camera_set
 from taxel.frame_codec import decode_jpeg
 from taxel.models.backbones.catalogue import find_backbone
@@ -238,6 +239,19 @@ def test_a_training_that_was_broken_off_goes_on_with_the_same_losses(
     assert train() == pytest.approx(whole, abs=1e-6)
 
 
+def test_a_loss_that_is_no_number_ends_the_training_and_writes_nothing(
+    few_pours: Path, cache: Path, tmp_path: Path
+) -> None:
+    pours = load_camera_set(few_pours, "change", cache)
+    lost = network(learnt_head(few_pours, cache))
+    with torch.no_grad():
+        next(lost.head.parameters()).fill_(float("nan"))
+    kept = KeptEpochs(tmp_path / "edge.checkpoint")
+    with pytest.raises(BadInput, match="nan in step 1; try a smaller --learning-rate"):
+        fine_tune(lost, pours.pours, pours.labels, FineTuneConfig(accelerator="cpu", kept=kept))
+    assert not kept.path.exists()
+
+
 class Broken(Exception):
     """The training was broken off."""
 
@@ -315,6 +329,9 @@ def test_two_processes_killed_and_started_again_learn_as_one_does(
         "--backbone gel --epochs 1 --output out.safetensors",
         "--backbone edge --epochs -1 --output out.safetensors",
         "--backbone edge --epochs 1 --output out.taxel",
+        "--backbone edge --batch 0 --output out.safetensors",
+        "--backbone edge --learning-rate 0 --output out.safetensors",
+        "--backbone edge --learning-rate nan --output out.safetensors",
     ],
 )
 def test_options_that_make_no_sense_end_in_one_line(

@@ -51,6 +51,8 @@ class TrainBackbone:
     """Passes over the recordings."""
     batch: int = 4
     """Stretches of 24 frames in a step, over all processes."""
+    learning_rate: float = 1e-4
+    """Largest step size of Adam; it rises first, then falls to zero."""
     bf16: bool = False
     """Train in 16 bits (bfloat16): faster on graphics cards and on processors that multiply it."""
     resume: bool = False
@@ -93,6 +95,7 @@ class TrainBackbone:
             done = fine_tune(
                 network, pours.pours, pours.labels,
                 FineTuneConfig(epochs=self.epochs, batch=self.batch, seed=self.fit.seed,
+                               learning_rate=self.learning_rate,
                                precision="bf16-mixed" if self.bf16 else "32-true",
                                kept=KeptEpochs(checkpoint, self.resume)),
                 on_step=lambda step, of, loss: bar.update(
@@ -115,6 +118,10 @@ class TrainBackbone:
                 raise BadInput(
                     f"--{name} within 1 and {most}", str(getattr(self, name)), "choose another"
                 )
+        if not 0 < self.learning_rate <= 1:
+            raise BadInput(
+                "--learning-rate above 0, at most 1", str(self.learning_rate), "choose another"
+            )
         if self.output.is_dir() or not self.output.name.endswith(".safetensors"):
             raise BadInput("--output NAME.safetensors: a backbone's weights", str(self.output),
                            f"name a file such as {self.backbone}.safetensors")  # fmt: skip

@@ -22,7 +22,7 @@ from torch.nn import functional
 from taxel.models.torch_engine import in_numbers
 from taxel.training.backbones.fine_tuning import EpochLoss, KeptEpochs
 from taxel.training.backbones.lessons import Lessons
-from taxel.training.backbones.pace import pace
+from taxel.training.backbones.pace import check_loss, pace
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
 
 BATCH = 32
@@ -109,7 +109,8 @@ def distil(
         on_step: Called with the step's number, how many there are and its loss.
 
     Raises:
-        BadInput: The checkpoint is damaged or belongs to other images or another configuration.
+        BadInput: The checkpoint is damaged or belongs to other images or another configuration, or
+            the loss is no longer a number.
         RecordingFailed: The disk refused.
     """
     network.to(lessons.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -136,8 +137,10 @@ def distil(
             adam.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
             adam.step()
-            total += float(loss.detach())
-            on_step(done + 1, config.epochs * steps, float(loss.detach()))
+            found = float(loss.detach())
+            check_loss(found, done + 1, "a smaller --batch, whose steps are smaller")
+            total += found
+            on_step(done + 1, config.epochs * steps, found)
         history.append(EpochLoss(total / steps))
         if kept is not None:
             save_checkpoint(kept.path, network, adam, config, history, job)
