@@ -8,6 +8,7 @@ Knows nothing about files of weights, splits or tables.
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -249,6 +250,7 @@ def _launched(config: FineTuneConfig) -> Any:
         from lightning_fabric import Fabric
     except ModuleNotFoundError as error:
         raise MissingExtra("lightning-fabric", "fine-tune", "training end to end") from error
+    logging.getLogger("lightning_fabric").setLevel(logging.WARNING)  # its advice is of no use here
     # Fabric sees torchrun's processes, but takes one of them where the device is a processor.
     local, world = (int(os.environ.get(name, 0)) for name in ("LOCAL_WORLD_SIZE", "WORLD_SIZE"))
     fabric = Fabric(
