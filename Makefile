@@ -82,9 +82,16 @@ bench: $(INSTALLED)
 # ImageNet weights are fetched, the other three backbones learn from it on touch images of other
 # objects than the tables' cups (docs/decisions/0057). Broken off, it goes on where it was; four
 # hours of one core and longer where others use it. SLIP: the folder of gelsight-slip.
+# CARD=yes: on a graphics card, students of 224 pixels that see other copies of images in each epoch
+# (tried for one student, docs/decisions/0057).
 SLIP ?= ../shared/data/gelsight-slip
 TABLES := build/paper-tables
+CARD ?= no
+ifeq ($(CARD),yes)
+FAST := --engine torch --precision bf16
+else
 FAST := --engine openvino --precision bf16
+endif
 DISTIL = $(BIN)/taxel distil $(SLIP) $(filter %-cups,$|) $(FAST) --bf16 --resume
 
 paper-tables: $(TABLES)/densenet121.safetensors $(TABLES)/efficientnet-b0.safetensors $(TABLES)/resnet101.safetensors $(TABLES)/cups
@@ -98,6 +105,10 @@ $(TABLES)/other-cups: | $(INSTALLED)
 	$(BIN)/taxel weights fetch resnet50 densenet121-typefaces
 	$(BIN)/taxel simulate cup-pour --output $@ --seed 57 --first-cup 1000 --cups 20 --camera-hz 2
 
+ifeq ($(CARD),yes)
+$(TABLES)/%.safetensors: | $(TABLES)/other-cups
+	$(DISTIL) --backbone $* --side-px 224 --frames 8 --copies 5 --epochs 8 --batch 128 --output $@
+else
 # Three epochs, a fourth of smaller steps, two on other copies of the images (docs/decisions/0057).
 DENSENET = $(DISTIL) --backbone densenet121 --side-px 160 --frames 8 --copies 5
 
@@ -117,6 +128,7 @@ $(TABLES)/efficientnet-b0.safetensors: | $(TABLES)/other-cups
 
 $(TABLES)/resnet101.safetensors: | $(TABLES)/other-cups
 	$(DISTIL) --backbone resnet101 --side-px 192 --frames 4 --copies 5 --epochs 1 --output $@
+endif
 
 # Mutation testing of six places, an hour at most, not in CI. The tool that draws the mutants stands
 # in an environment of its own: it brings 25 distributions that nothing else needs.
