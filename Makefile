@@ -85,11 +85,12 @@ bench: $(INSTALLED)
 # CARD=yes: on a graphics card, students of 224 pixels that see other copies of images in each epoch
 # (tried for one student, docs/decisions/0057).
 SLIP ?= ../shared/data/gelsight-slip
-TABLES := build/paper-tables
 CARD ?= no
 ifeq ($(CARD),yes)
+TABLES := build/paper-tables-card
 FAST := --engine torch --precision bf16
 else
+TABLES := build/paper-tables
 FAST := --engine openvino --precision bf16
 endif
 DISTIL = $(BIN)/taxel distil $(SLIP) $(filter %-cups,$|) $(FAST) --bf16 --resume

@@ -53,6 +53,14 @@ def world(tmp_path_factory: pytest.TempPathFactory, few_pours: Path) -> Path:
 
 
 CASES = {
+    "8-bit numbers by PyTorch, tables": "reproduce transition-tables --engine torch "
+    "--precision int8",
+    "8-bit numbers by PyTorch, warnings": "reproduce grasp-warnings --data pours --engine torch "
+    "--precision int8",
+    "8-bit numbers by PyTorch, monitor": "train-monitor pours --features edge --output out.taxel "
+    "--engine torch --precision int8",
+    "threads of PyTorch": "train-monitor pours --features edge --output out.taxel --engine torch "
+    "--threads 2",
     "unequal length": "import long.csv --output out",
     "unequal rate": "import slow.csv --output out",
     "grey frames": "import grey.csv --output out",

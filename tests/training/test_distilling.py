@@ -161,3 +161,28 @@ def test_a_loss_that_is_no_number_ends_the_training_and_writes_nothing(tmp_path:
     with pytest.raises(BadInput, match="nan in step 1"):
         distil(lost, _lessons(), CONFIG, kept=kept)
     assert not kept.path.exists()
+
+
+def test_normalisation_takes_enough_images_whatever_a_step_holds() -> None:
+    lessons = _lessons(96)
+    few, many = Small(1), Small(1)
+    settle_norms(few, lessons, DistilConfig(batch=2, seed=4))
+    settle_norms(many, lessons, DistilConfig(batch=32, seed=4))
+    assert torch.equal(few.norm.running_var, many.norm.running_var)
+
+
+def test_a_gradient_that_is_no_number_changes_no_weight(tmp_path: Path) -> None:
+    """A loss may be a number although its gradient is none."""
+
+    class Rooted(Small):
+        def forward(self, images: Tensor) -> Tensor:
+            zero = self.first.weight.sum() * 0
+            logits = super().forward(images)
+            return logits + zero.sqrt() if self.training else logits
+
+    student, lessons = Rooted(1), _lessons(64)
+    kept = KeptEpochs(tmp_path / "s.checkpoint")
+    with pytest.raises(BadInput, match="nan in step 1"):
+        distil(student, lessons, CONFIG, kept=kept)
+    assert all(torch.isfinite(value).all() for value in student.state_dict().values())
+    assert not kept.path.exists()

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from taxel.bench.real_mosquitto import free_port
 from taxel.cli.main import main
-from taxel.errors import BadInput
+from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.transitions.data import load_camera_set
 from taxel.frame_codec import decode_jpeg
 from taxel.models.backbones.catalogue import find_backbone
@@ -31,6 +31,7 @@ from taxel.training.backbones.lanes import (
     WINDOWS,
     Batch,
     Lanes,
+    lane_count,
     prepared,
     varied,
 )
@@ -169,6 +170,53 @@ def contents(batch: Batch) -> list[bytes]:
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("batch", "processes", "most", "count"),
+    [(4, 1, 2, 2), (5, 1, 2, 1), (1, 1, 2, 1), (8, 1, 16, 8), (24, 1, 16, 12), (8, 4, 16, 8),
+     (8, 8, 2, 8), (12, 3, 16, 12), (40, 1, 16, 10)],
+)  # fmt: skip
+def test_a_step_is_shared_out_equally_over_lanes_and_processes(
+    batch: int, processes: int, most: int, count: int
+) -> None:
+    assert lane_count(batch, processes, most) == count
+    assert batch % count == count % processes == 0
+
+
+def test_a_step_that_cannot_be_shared_out_is_refused() -> None:
+    with pytest.raises(BadInput, match="choose a multiple of 3"):
+        lane_count(4, 3, 16)
+
+
+def test_fewer_stretches_than_lanes_are_refused(few_pours: Path) -> None:
+    pours, labels = marked(few_pours)
+    each = -(-len(pours[0]) // EVERY)
+    Lanes(pours[:1], labels[:1], K, each)
+    with pytest.raises(BadDataset, match=f"at least {each + 1} stretches"):
+        Lanes(pours[:1], labels[:1], K, each + 1)
+
+
+@pytest.mark.parametrize("frames", [12, 18, 23, 24])
+def test_a_recording_shorter_than_the_settled_grasp_gives_stretches(
+    few_pours: Path, frames: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pours, labels = marked(few_pours)
+    monkeypatch.setattr(
+        lanes_module, "_decode", lambda pour, _: np.zeros((pour.images, 8, 8, 3), np.uint8)
+    )
+    short = replace(pours[0], time_s=pours[0].time_s[:frames], image=pours[0].image[:frames])
+    batch = next(Lanes([short], [labels[0][:frames]], K, 1).batches(CONFIG, 0, [0]))
+    assert batch.frames.shape[1] == min(frames, K + WINDOWS - 1)
+    assert int(batch.rest.max()) < len(batch.images)
+
+
+def test_a_short_recording_does_not_shorten_the_stretches_of_others(few_pours: Path) -> None:
+    pours, labels = marked(few_pours)
+    short = replace(pours[0], time_s=pours[0].time_s[:12], image=pours[0].image[:12])
+    lanes = Lanes([short, pours[1]], [labels[0][:12], labels[1]], K, 1)
+    assert {recording for recording, _ in lanes.places(0, 0)} == {1}
+    assert next(lanes.batches(CONFIG, 0, [0])).frames.shape[1] == K + WINDOWS - 1
+
+
 @pytest.mark.parametrize("ranks", [1, 2, 3])
 def test_processes_share_the_stretches_out_evenly(few_pours: Path, ranks: int) -> None:
     pours, labels = marked(few_pours)
@@ -247,7 +295,9 @@ def test_a_loss_that_is_no_number_ends_the_training_and_writes_nothing(
     with torch.no_grad():
         next(lost.head.parameters()).fill_(float("nan"))
     kept = KeptEpochs(tmp_path / "edge.checkpoint")
-    with pytest.raises(BadInput, match="nan in step 1; try a smaller --learning-rate"):
+    with pytest.raises(
+        BadInput, match="nan in step 1; try a smaller --learning-rate, without --resume"
+    ):
         fine_tune(lost, pours.pours, pours.labels, FineTuneConfig(accelerator="cpu", kept=kept))
     assert not kept.path.exists()
 

@@ -64,6 +64,13 @@ def test_copies_are_others_in_another_epoch_and_the_same_in_the_same() -> None:
     assert first.round().equal(first)
 
 
+@pytest.mark.parametrize("part", [[0], [0, 3], [3, 9]])
+def test_a_part_may_hold_no_changed_copy(part: list[int]) -> None:
+    lessons = gather_fresh([video(0), video(1)], TorchEngine(Colours(), CPU), "colours", CONFIG)
+    images, _ = lessons.take(np.array(part), 0)
+    assert len(images) == len(part)
+
+
 def test_a_sum_tells_other_images_and_settings_apart() -> None:
     engine = TorchEngine(Colours(), CPU)
     sums = {

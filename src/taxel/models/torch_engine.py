@@ -8,7 +8,9 @@ Background of our choices: docs/decisions/0057.
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -16,14 +18,17 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from taxel.errors import BadInput
+
 _MULTIPLE = 16
 """Of how many rows a graphics card is given. Source: our choice, docs/decisions/0057."""
 
 
 def best_device() -> torch.device:
-    """Return the device that trains and computes fastest here."""
+    """Return the device that trains and computes fastest here: under torchrun, this process's."""
     if torch.cuda.is_available():
-        return torch.device("cuda")
+        number = int(os.environ.get("LOCAL_RANK", "0"))
+        return torch.device("cuda", number % torch.cuda.device_count())
     return torch.device("cpu")
 
 
@@ -32,9 +37,29 @@ def device_words(device: torch.device) -> str:
     return torch.cuda.get_device_name(device) if device.type == "cuda" else str(device)
 
 
-def in_numbers(device: torch.device, *, bf16: bool) -> Any:
-    """Return what chooses the numbers of convolutions and products within a block."""
-    return torch.autocast(device.type, torch.bfloat16) if bf16 else nullcontext()
+@contextmanager
+def in_numbers(device: torch.device, *, bf16: bool) -> Iterator[None]:
+    """Choose the numbers of convolutions and products within a block: 16 bits, or all of 32."""
+    numbers: Any = torch.autocast(device.type, torch.bfloat16) if bf16 else nullcontext()
+    # Else a card's convolutions would keep 10 bits of a number's 23 (TF32).
+    with torch.backends.cudnn.flags(enabled=True, allow_tf32=False), numbers:
+        yield
+
+
+@contextmanager
+def enough_memory() -> Iterator[None]:
+    """Say in one line that a card's memory is full.
+
+    Raises:
+        BadInput: It is.
+    """
+    try:
+        yield
+    except torch.OutOfMemoryError as error:
+        raise BadInput(
+            "more memory of the graphics card for a step", "all of it in use",
+            "try a smaller --batch",
+        ) from error  # fmt: skip
 
 
 class TorchEngine:

@@ -85,12 +85,28 @@ class EngineOptions:
     """What computes a backbone."""
 
     engine: Literal["onnxruntime", "openvino", "torch"] = "onnxruntime"
-    """Which library runs backbones; torch uses a graphics card where there is one."""
+    """Which library runs backbones; torch uses a graphics card where there is one, and one process
+    in any case."""
     precision: Literal["f32", "bf16", "int8"] = "f32"
     """Number format within the backbone; bf16 needs --engine openvino or torch, int8 the extra
     openvino and frames of the recordings for calibration."""
 
+    def check(self) -> None:
+        """Refuse, before anything is read, what cannot be.
 
+        Raises:
+            BadInput: PyTorch is to run 8-bit numbers.
+        """
+        if (self.engine, self.precision) == ("torch", "int8"):
+            raise BadInput(
+                "--engine onnxruntime or openvino for --precision int8", "--engine torch",
+                "choose another",
+            )  # fmt: skip
+
+
+THREADS = Only(("threads",), "--engine onnxruntime or openvino",
+               lambda verb: verb.engine.engine != "torch")  # fmt: skip
+"""PyTorch takes the threads that the process has."""
 AHEAD = Only(("ahead",), "no --paper-settings", lambda verb: not verb.fit.paper_settings)
 """The paper's settings take labels as they are."""
 

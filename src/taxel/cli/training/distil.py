@@ -58,7 +58,7 @@ class Distil:
     epochs: int = 4
     """Passes over all images."""
     batch: int = 32
-    """Images in a step; the step size grows with its root."""
+    """Images per training step; the learning rate grows with the square root of this number."""
     bf16: bool = False
     """Train in 16 bits (bfloat16): faster on graphics cards and on processors that multiply it."""
     resume: bool = False
@@ -120,10 +120,9 @@ class Distil:
         limits = {"epochs": _MOST_EPOCHS, "frames": _MOST_FRAMES, "copies": _MOST_COPIES,
                   "batch": _MOST_BATCH}  # fmt: skip
         for name, most in limits.items():
-            if not 1 <= getattr(self, name) <= most:
-                raise BadInput(
-                    f"--{name} within 1 and {most}", str(getattr(self, name)), "choose another"
-                )
+            least, given = 2 if name == "batch" else 1, getattr(self, name)
+            if not least <= given <= most:
+                raise BadInput(f"--{name} within {least} and {most}", f"{given}", "choose another")
         if self.engine.precision == "int8":
             raise BadInput("--precision f32 or bf16 for a teacher", "int8", "choose another")
         if not 0 <= self.seed < 2**31:

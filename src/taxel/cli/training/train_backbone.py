@@ -48,9 +48,10 @@ class TrainBackbone:
     output: Path
     """The weights to write, NAME.safetensors."""
     epochs: int = 3
-    """Passes over the recordings."""
+    """Passes over the recordings; each gives a stretch (consecutive frames that hold 17 windows)
+    for every 60 frames, at another place in each pass."""
     batch: int = 4
-    """Stretches of 24 frames in a step, over all processes."""
+    """Stretches per training step, over all processes, who share them equally."""
     learning_rate: float = 1e-4
     """Largest step size of Adam; it rises first, then falls to zero."""
     bf16: bool = False
@@ -64,7 +65,6 @@ class TrainBackbone:
     head: Annotated[HeadOptions, tyro.conf.arg(name="")] = field(default_factory=HeadOptions)
     fit: Annotated[FitOptions, tyro.conf.arg(name="")] = field(default_factory=FitOptions)
     weights: Annotated[WeightOptions, tyro.conf.arg(name="")] = field(default_factory=WeightOptions)
-    engine: Annotated[EngineOptions, tyro.conf.arg(name="")] = field(default_factory=EngineOptions)
     work: Annotated[WorkOptions, tyro.conf.arg(name="")] = field(default_factory=WorkOptions)
 
     RULES: ClassVar = (AHEAD,)
@@ -86,11 +86,13 @@ class TrainBackbone:
         checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
         with self.work.open(), progress() as bar:
             pours = load_set(self.labels, self.data, bar)
-            extractor = open_features(self.backbone, pours, self.weights, self.engine)
+            extractor = open_features(self.backbone, pours, self.weights, self._engine())
             assert isinstance(extractor, BackboneExtractor)
             first = pours.some(HEAD_RECORDINGS)
             features = extract_features(extractor, self.backbone, first, self.labels.folder(), bar)
             network = begin_end_to_end(extractor, features, first.labels, config)
+            start = extractor.weights
+            del extractor  # and what it holds of a card's memory
             task = bar.add_task("end to end", total=None)
             done = fine_tune(
                 network, pours.pours, pours.labels,
@@ -104,10 +106,18 @@ class TrainBackbone:
             )  # fmt: skip
         if not done.first:
             return
-        about = self._about(len(pours.pours), extractor.weights)
+        about = self._about(len(pours.pours), start)
         save_backbone_weights(network.features.backbone, self.output, about.head())
         checkpoint.unlink(missing_ok=True)
         self._print(done)
+
+    def _engine(self) -> EngineOptions:
+        """Return what computes the features that the head is first fitted on."""
+        from taxel.models.torch_engine import best_device
+
+        if best_device().type == "cpu":
+            return EngineOptions()
+        return EngineOptions(engine="torch", precision="bf16" if self.bf16 else "f32")
 
     def _check(self) -> None:
         """Refuse, before anything is read, what cannot be meant."""

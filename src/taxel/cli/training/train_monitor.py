@@ -12,6 +12,7 @@ from taxel.cli.options.cameras import (
     AHEAD,
     BACKBONE_ONLY,
     GEL,
+    THREADS,
     EngineOptions,
     FitOptions,
     HeadOptions,
@@ -57,6 +58,7 @@ class TrainMonitor:
 
     RULES: ClassVar = (
         AHEAD,
+        THREADS,
         Only(BACKBONE_ONLY, "--features BACKBONE", lambda o: o.features != GEL),
     )
 
@@ -67,6 +69,7 @@ class TrainMonitor:
                 "--output NAME.taxel: a monitor is written as the bundle that runs live",
                 str(self.output), "name a file such as grasp.taxel",
             )  # fmt: skip
+        self.engine.check()
         with only_writer(self.output):
             self._train()
 

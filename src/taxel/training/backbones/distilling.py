@@ -9,6 +9,7 @@ Background of our choices: docs/decisions/0057.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -19,10 +20,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from taxel.models.torch_engine import in_numbers
+from taxel.models.torch_engine import enough_memory, in_numbers
 from taxel.training.backbones.fine_tuning import EpochLoss, KeptEpochs
 from taxel.training.backbones.lessons import Lessons
-from taxel.training.backbones.pace import check_loss, pace
+from taxel.training.backbones.pace import check_gradient, pace
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
 
 BATCH = 32
@@ -91,6 +92,7 @@ class Agreement:
         return f"{self.share:.3f} of {self.images} images (commonest answer {self.commonest:.3f})"
 
 
+@enough_memory()
 def distil(
     network: nn.Module,
     lessons: Learnable,
@@ -110,7 +112,7 @@ def distil(
 
     Raises:
         BadInput: The checkpoint is damaged or belongs to other images or another configuration, or
-            the loss is no longer a number.
+            a gradient is no longer a number, or the card has too little memory.
         RecordingFailed: The disk refused.
     """
     network.to(lessons.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -136,9 +138,10 @@ def distil(
             loss = _loss(network, *lessons.take(part, epoch), config)
             adam.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
+            length = nn.utils.clip_grad_norm_(network.parameters(), math.inf)  # measured, not cut
+            check_gradient(float(length), done + 1, "a smaller --batch, for smaller changes a step")
             adam.step()
             found = float(loss.detach())
-            check_loss(found, done + 1, "a smaller --batch, whose steps are smaller")
             total += found
             on_step(done + 1, config.epochs * steps, found)
         history.append(EpochLoss(total / steps))
@@ -223,8 +226,9 @@ def fit_top(network: nn.Module, lessons: Learnable, config: DistilConfig) -> Non
 def _some(lessons: Learnable, config: DistilConfig) -> Iterator[NDArray[np.intp]]:
     """Yield batches drawn from all images."""
     order = np.random.default_rng([config.seed, 23]).permutation(len(lessons))
-    for first in range(0, min(len(lessons), NORM_BATCHES * config.batch), config.batch):
-        part = order[first : first + config.batch]
+    size = max(config.batch, BATCH)  # few images have no statistics
+    for first in range(0, min(len(lessons), NORM_BATCHES * size), size):
+        part = order[first : first + size]
         if len(part) > 1:
             yield part
 

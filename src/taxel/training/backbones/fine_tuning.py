@@ -24,8 +24,9 @@ from torch.nn import functional
 from taxel.errors import MissingExtra
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.frame_features import FrameFeatures
-from taxel.training.backbones.lanes import LANES, Lanes, prepared, varied
-from taxel.training.backbones.pace import check_loss, pace
+from taxel.models.torch_engine import enough_memory
+from taxel.training.backbones.lanes import LANES, Lanes, lane_count, prepared, varied
+from taxel.training.backbones.pace import check_gradient, pace
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
 from taxel.training.frames.heads import HeadConfig, TrainedHead, fit_head, tracks_of
 from taxel.windows.camera_recordings import CameraRecording
@@ -59,10 +60,10 @@ class FineTuneConfig:
     """How a backbone is trained end to end."""
 
     epochs: int = 1
-    """Passes over the recordings; each gives a stretch for every second that it lasts."""
+    """Passes over the recordings; each gives a stretch for every 60 frames."""
     batch: int = 4
-    """Stretches in a step, over all processes: the same step from one and from several. Source:
-    paper, section 5.1, of windows."""
+    """Stretches in a step, over all processes: the same step from one and from several, who share
+    it equally. Source: paper, section 5.1, of windows."""
     learning_rate: float = 1e-4
     """Adam's largest step size: a tenth of the paper's, since the backbone is trained already; it
     rises first, then falls to zero along half a cosine. At 3e-4 a ResNet50 lost itself."""
@@ -168,6 +169,7 @@ def begin_end_to_end(
     return EndToEnd(module, extractor.backbone, head, extractor.weights.side_px)
 
 
+@enough_memory()
 def fine_tune(
     network: EndToEnd,
     pours: Sequence[CameraRecording],
@@ -188,8 +190,9 @@ def fine_tune(
     Raises:
         MissingExtra: Fabric is not installed.
         BadSource: An image cannot be decoded.
-        BadInput: The checkpoint is damaged or belongs to another configuration, or the loss is no
-            longer a number.
+        BadDataset: The recordings give too few stretches.
+        BadInput: The checkpoint is damaged or belongs to another configuration, a step cannot be
+            shared out equally, a gradient is no longer a number, or the card has too little memory.
     """
     fabric = _launched(config)
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -199,7 +202,7 @@ def fine_tune(
     )
     model, optimiser = fabric.setup(network, adam)
     on_card = fabric.device.type != "cpu"
-    count = max(min(config.batch, _CARD_LANES) if on_card else LANES, fabric.world_size)
+    count = lane_count(config.batch, fabric.world_size, _CARD_LANES if on_card else LANES)
     decoders, multiple = (os.cpu_count() or 1, _CARD_MULTIPLE) if on_card else (1, 1)
     lanes = Lanes(pours, labels, network.frames, count, decoders, multiple)
     mine = range(fabric.global_rank, lanes.count, fabric.world_size)
@@ -209,7 +212,7 @@ def fine_tune(
     if kept is not None and kept.resume and kept.path.exists():
         history = load_checkpoint(kept.path, network, adam, config, EpochLoss, job)
     fabric.barrier()
-    steps = -(-lanes.share // max(1, config.batch // lanes.count))
+    steps = -(-lanes.share // (config.batch // lanes.count))
     for epoch in range(len(history), config.epochs):
         model.train()
         torch.manual_seed(config.seed * 100_019 + epoch * 101 + fabric.global_rank)
@@ -223,12 +226,13 @@ def fine_tune(
             logits = model(here.images, here.frames, here.rest)
             loss = functional.binary_cross_entropy_with_logits(logits.float(), here.labels)
             optimiser.zero_grad(set_to_none=True)
-            found = float(loss.detach())
-            check_loss(found, done, "a smaller --learning-rate")
             fabric.backward(loss)
-            fabric.clip_gradients(model, optimiser, max_norm=_MOST_GRADIENT,
-                                  error_if_nonfinite=False)  # fmt: skip
+            length = fabric.clip_gradients(
+                model, optimiser, max_norm=_MOST_GRADIENT, error_if_nonfinite=False
+            )
+            check_gradient(float(length), done, "a smaller --learning-rate")
             optimiser.step()
+            found = float(loss.detach())
             total, known = total + found * len(here.labels), known + len(here.labels)
             on_step(done, config.epochs * steps, found)
         both = fabric.all_reduce(torch.tensor([total, float(known)]), reduce_op="sum")

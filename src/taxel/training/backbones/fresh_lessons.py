@@ -55,7 +55,7 @@ class FreshLessons:
         self, images: NDArray[np.uint8], teacher: TorchEngine, key: str, config: LessonConfig
     ) -> None:
         whole = hashlib.sha256(f"{key} {config}".encode())
-        whole.update(images.tobytes())
+        whole.update(np.ascontiguousarray(images).data)
         self._digest = whole.hexdigest()
         self._images = torch.from_numpy(images).to(teacher.device)
         self._teacher, self._config = teacher, config
@@ -85,7 +85,8 @@ class FreshLessons:
                              .integers(2**62)))  # fmt: skip
         images = self._images[torch.from_numpy(part // copies).to(device)]
         altered = torch.from_numpy(np.flatnonzero(part % copies)).to(device)
-        images[altered] = changed_there(images[altered], draw)
+        if len(altered):
+            images[altered] = changed_there(images[altered], draw)
         side = self._config.side_px
         small = functional.interpolate(
             images.permute(0, 3, 1, 2).float(), (side, side), mode="bilinear", align_corners=False

@@ -1,10 +1,10 @@
 """Stretches of recordings to train on, dealt to lanes: each process decodes its own part only.
 
 A stretch is a run of frames that holds many windows, so that each of its images passes through the
-backbone once. Half of them hold a change of label, where there is one: far from it any network is
-right. All stretches of an epoch, recording after recording in a drawn order, are cut into lanes of
-equal length. A step takes as many from each lane, so that it is the same step whether one process
-walks all lanes or each has one of its own. Knows nothing about networks.
+backbone once. Every second one holds a change of label, where there is one: far from it any
+network is right. All stretches of an epoch, recording after recording in a drawn order, are cut
+into lanes of equal length. A step takes as many from each lane, so that it is the same step whether
+one process walks all lanes or each has one of its own. Knows nothing about networks.
 
 Source: docs/decisions/0050, docs/decisions/0057.
 """
@@ -23,6 +23,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from taxel.errors import BadDataset, BadInput
 from taxel.frame_codec import decode_jpeg
 from taxel.side_by_side import SideBySide
 from taxel.windows.camera_recordings import CameraRecording, frame_sets
@@ -97,17 +98,40 @@ class _Stretch:
     labels: NDArray[np.int8]
 
 
+def lane_count(batch: int, processes: int, most: int) -> int:
+    """Return into how many lanes stretches are dealt: equally many for each process and in a step.
+
+    Args:
+        batch: Stretches in a step, over all processes.
+        processes: How many there are.
+        most: Lanes at most; never fewer than processes.
+
+    Raises:
+        BadInput: A step cannot be shared out equally.
+    """
+    if batch % processes:
+        raise BadInput(
+            f"a --batch that {processes} processes can share equally", str(batch),
+            f"choose a multiple of {processes}",
+        )  # fmt: skip
+    most = max(most, processes)
+    return max(n for n in range(processes, most + 1, processes) if batch % n == 0)
+
+
 class Lanes:
     """The stretches of some recordings.
 
     Args:
-        pours: Recordings to learn from; those shorter than a window give none.
+        pours: Recordings to learn from; those shorter than a stretch give none, unless all are.
         labels: One a frame, shape (n,): 0 stable, 1 unstable.
         frames: k.
         count: How many lanes.
         decoders: Threads that decode images.
         multiple: Of how many images a step has: for each number that it has not met, a graphics
             card prepares itself anew, for as long as many steps take.
+
+    Raises:
+        BadDataset: There are fewer stretches than lanes.
     """
 
     def __init__(
@@ -121,11 +145,19 @@ class Lanes:
     ) -> None:
         self.multiple = multiple
         self._pours, self._labels, self._frames, self.count = pours, labels, frames, count
-        self._length = min([frames + WINDOWS - 1, *(len(p) for p in pours if len(p) >= frames)])
-        self._each = [-(-len(p) // EVERY) if len(p) >= frames else 0 for p in pours]
+        longest = max(map(len, pours), default=0)
+        self._length = min(frames + WINDOWS - 1, longest)
+        long = self._length >= frames
+        self._each = [-(-len(p) // EVERY) if long and len(p) >= self._length else 0 for p in pours]
         self.share = sum(self._each) // count
         """Stretches of a lane in an epoch; of the rest, fewer than there are lanes, none is
         used."""
+        if not self.share:
+            raise BadDataset(
+                f"at least {count} stretches of {frames} frames or more, one for every {EVERY}",
+                f"{sum(self._each)} in {len(pours)} recording(s)",
+                "give more recordings, or choose a smaller --batch",
+            )
         self._beside = SideBySide(decoders)
 
     def digest(self) -> str:
@@ -144,7 +176,7 @@ class Lanes:
             epoch: 0 for the first.
             mine: The lanes of this process.
         """
-        size = max(1, config.batch // self.count)
+        size = config.batch // self.count
         order = self.places(config.seed, epoch)
         key = config.seed, epoch
         parts = [order[lane * self.share : (lane + 1) * self.share] for lane in mine]
@@ -180,7 +212,8 @@ class Lanes:
             if i != known:
                 images, known = _decode(self._pours[i], self._beside), i
                 wanted = label_windows(self._labels[i], self._frames)
-            rest = np.linspace(SETTLE.start, SETTLE.stop - 1, RESTING).astype(int)
+            end = min(SETTLE.stop, len(self._pours[i]))
+            rest = np.linspace(SETTLE.start, end - 1, RESTING).astype(int)
             frames = np.concatenate([np.arange(start, start + self._length), rest])
             numbers, rows = np.unique(self._pours[i].image[frames], return_inverse=True)
             rows = rows.reshape(len(frames), -1)

@@ -21,16 +21,19 @@ def pace(step: int, of: int) -> float:
     return 0.5 * (1 + math.cos(math.pi * (step - warm) / max(1.0, of - warm)))
 
 
-def check_loss(loss: float, step: int, mend: str) -> None:
-    """End a training whose loss is no longer a number: nothing can be learned any more.
+def check_gradient(length: float, step: int, mend: str) -> None:
+    """End a training whose gradient is no longer a number, before its weights are changed by it.
 
     Args:
-        loss: Of this step.
+        length: Of this step's gradient, over all weights; of several processes' mean.
         step: 1 for the first.
         mend: What may help, after "try".
 
     Raises:
         BadInput: It is not finite.
     """
-    if not math.isfinite(loss):
-        raise BadInput("a loss that is a number", f"{loss} in step {step}", f"try {mend}")
+    if not math.isfinite(length):
+        raise BadInput(
+            "a loss and a gradient that are numbers", f"{length} in step {step}",
+            f"try {mend}, without --resume",
+        )  # fmt: skip

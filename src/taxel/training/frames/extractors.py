@@ -26,6 +26,7 @@ from taxel.training.frames.features import BATCH
 if TYPE_CHECKING:
     from torch import nn
 
+    from taxel.models.torch_engine import TorchEngine
     from taxel.models.weights import Weights
 
 
@@ -104,6 +105,7 @@ def open_backbone(
     if engine == "torch":
         ready = _in_torch(FrameFeatures(deepcopy(module), backbone, found.side_px), precision)
         run_by: tuple[BackboneEngine, Precision, int] = (engine, precision, threads)
+        key += f"-{ready.device.type}"
         return BackboneExtractor(backbone, found, write, ready, key, row.features, run_by)
     model = write()
     if precision == "int8":
@@ -120,7 +122,7 @@ def open_backbone(
     )
 
 
-def _in_torch(module: nn.Module, precision: Precision) -> Engine:
+def _in_torch(module: nn.Module, precision: Precision) -> TorchEngine:
     """Return a module run by PyTorch, on a graphics card where there is one.
 
     Raises:

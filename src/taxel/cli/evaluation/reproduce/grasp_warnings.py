@@ -12,6 +12,7 @@ from taxel.cli.options.cameras import (
     AHEAD,
     BACKBONE_ONLY,
     GEL,
+    THREADS,
     EngineOptions,
     FitOptions,
     HeadOptions,
@@ -56,11 +57,13 @@ class GraspWarnings:
 
     RULES: ClassVar = (
         AHEAD,
+        THREADS,
         Only(BACKBONE_ONLY, "a backbone in --features", lambda o: set(o.features) != {GEL}),
     )
 
     def run(self) -> None:
         """Measure and print."""
+        self.engine.check()
         if self.data is None:
             made = command("taxel", "simulate", "cup-pour", "--output", "cups")
             raise BadInput(

@@ -11,6 +11,7 @@ import tyro
 from taxel.cli.options.cameras import (
     AHEAD,
     GEL,
+    THREADS,
     EngineOptions,
     FitOptions,
     LabelOptions,
@@ -52,7 +53,7 @@ class TransitionTables:
     weights: Annotated[WeightOptions, tyro.conf.arg(name="")] = field(default_factory=WeightOptions)
     engine: Annotated[EngineOptions, tyro.conf.arg(name="")] = field(default_factory=EngineOptions)
 
-    RULES: ClassVar = (AHEAD,)
+    RULES: ClassVar = (AHEAD, THREADS)
 
     def run(self) -> None:
         """Measure and print."""
@@ -65,6 +66,7 @@ class TransitionTables:
         )
         from taxel.models.transition import FRAMES
 
+        self.engine.check()
         backbones = backbone_names(self.backbones)
         if GEL in backbones:
             raise BadInput("backbones for the tables", GEL, "name others with --backbones")
