@@ -21,7 +21,7 @@ def test_an_epochs_time_is_free_of_start_and_features(monkeypatch, tmp_path):
     row = scale_speed.training_row(tmp_path, tmp_path)
     assert row.value == pytest.approx(1.5)
     assert row.name == WORKS["training"][0]
-    assert asked[1:] == [(1, 1), (1, 3), (2, 1), (2, 3)]
+    assert asked[1:] == [(1, 1), (1, 11), (2, 1), (2, 11)]
 
 
 def test_a_start_that_drowns_the_epochs_gives_no_figure(monkeypatch, tmp_path):
