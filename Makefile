@@ -102,7 +102,12 @@ paper-tables: $(TABLES)/densenet121.safetensors $(TABLES)/efficientnet-b0.safete
 $(TABLES)/cups: | $(INSTALLED)
 	$(BIN)/taxel simulate cup-pour --output $@
 
+NO_CARD := needed a graphics card for CARD=yes; got none; leave CARD out.
+
 $(TABLES)/other-cups: | $(INSTALLED)
+ifeq ($(CARD),yes)
+	$(BIN)/python -c "import sys, torch; sys.exit(None if torch.cuda.is_available() else '$(NO_CARD)')"
+endif
 	$(BIN)/taxel weights fetch resnet50 densenet121-typefaces
 	$(BIN)/taxel simulate cup-pour --output $@ --seed 57 --first-cup 1000 --cups 20 --camera-hz 2
 
