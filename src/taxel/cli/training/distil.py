@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -183,9 +183,9 @@ class Distil:
     def _config(self, student: Student) -> DistilConfig:
         from taxel.training.backbones.distilling import BATCH, DistilConfig
 
-        usual = DistilConfig(epochs=self.epochs, batch=self.batch, bf16=self.bf16, seed=self.seed)
-        grown = (self.batch / BATCH) ** 0.5
-        return replace(usual, learning_rate=student.learning_rate * grown)
+        rate = student.learning_rate * (self.batch / BATCH) ** 0.5
+        return DistilConfig(epochs=self.epochs, batch=self.batch, learning_rate=rate,
+                            bf16=self.bf16, seed=self.seed)  # fmt: skip
 
     def _about(
         self, teacher: BackboneExtractor, student: Student, seen: str, unseen: Agreement
