@@ -15,6 +15,7 @@ from taxel.models.backbones.keras_layers import KerasClassifier, batch_norm
 from taxel.training.backbones.distilling import (
     DistilConfig,
     agreement,
+    begin,
     distil,
     fit_top,
     settle_norms,
@@ -99,6 +100,40 @@ def test_normalisation_takes_the_statistics_of_these_images() -> None:
     with torch.no_grad():
         maps = student.first(torch.from_numpy(lessons.images).permute(0, 3, 1, 2).float() / 255)
     assert torch.allclose(student.norm.running_mean, maps.mean(dim=(0, 2, 3)), atol=1e-4)
+
+
+def _answered_by(teacher: Small, count: int = 96) -> Lessons:
+    images = _images(count, 3)
+    with torch.no_grad():
+        answers = teacher.eval()(torch.from_numpy(images).permute(0, 3, 1, 2).float()).numpy()
+    return Lessons(images, answers, np.arange(count) % 2 == 0)
+
+
+def test_a_start_that_gives_its_teachers_answers_stays_as_it_is_and_keeps_its_norms(
+    tmp_path: Path,
+) -> None:
+    """As ResNet101 that is its teacher with idle blocks: statistics of touch would spoil it."""
+    teacher, student = Small(7), Small(7)
+    lessons = _answered_by(teacher)
+    before = {key: value.clone() for key, value in student.state_dict().items()}
+
+    assert begin(student, lessons, CONFIG)
+    assert all(torch.equal(before[key], value) for key, value in student.state_dict().items())
+
+    kept = KeptEpochs(tmp_path / "s.checkpoint")
+    losses = distil(student, lessons, CONFIG, kept=kept)
+
+    assert torch.equal(student.norm.running_mean, before["norm.running_mean"])
+    assert losses[-1] < 1e-3
+    assert distil(Small(1), lessons, CONFIG, kept=kept) == losses
+    assert agreement(student, lessons, plain=True).share > 0.95
+
+
+def test_another_start_takes_the_statistics_of_touch_and_a_fitted_top() -> None:
+    student = Small(1)
+    before = student.norm.running_mean.clone()
+    assert not begin(student, _answered_by(Small(7)), CONFIG)
+    assert not torch.equal(student.norm.running_mean, before)
 
 
 def test_agreement_counts_first_answers_and_the_commonest() -> None:

@@ -200,9 +200,8 @@ def test_a_recording_shorter_than_the_settled_grasp_gives_stretches(
     few_pours: Path, frames: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pours, labels = marked(few_pours)
-    monkeypatch.setattr(
-        lanes_module, "_decode", lambda pour, _: np.zeros((pour.images, 8, 8, 3), np.uint8)
-    )
+    monkeypatch.setattr(lanes_module, "_files", lambda pour: range(pour.images))
+    monkeypatch.setattr(lanes_module, "_decode", lambda _: np.zeros((8, 8, 3), np.uint8))
     short = replace(pours[0], time_s=pours[0].time_s[:frames], image=pours[0].image[:frames])
     batch = next(Lanes([short], [labels[0][:frames]], K, 1).batches(CONFIG, 0, [0]))
     assert batch.frames.shape[1] == min(frames, K + WINDOWS - 1)
@@ -252,11 +251,10 @@ def test_a_process_decodes_its_own_part_of_the_recordings(
     pours = read_camera_recordings(few_pours)
     labels = [np.zeros(len(pour), np.int8) for pour in pours]
     decoded: list[str] = []
-    decode = lanes_module._decode
+    files = lanes_module._files
     monkeypatch.setattr(
-        lanes_module, "_decode", lambda pour, beside: decoded.append(pour.name) or
-        decode(pour, beside)
-    )  # fmt: skip
+        lanes_module, "_files", lambda pour: decoded.append(pour.name) or files(pour)
+    )
     for _ in Lanes(pours, labels, K, LANES).batches(CONFIG, 0, [0]):
         pass
     assert len(decoded) <= len(pours) // 2 + 1

@@ -103,8 +103,10 @@ class Distil:
                     task, description=f"learning, loss {loss:.3f}", completed=step, total=of
                 ),
             )  # fmt: skip
-            plain = agreement(student.module, unseen, plain=True)
-            altered = agreement(student.module, unseen, plain=False) if self.copies > 1 else None
+            plain = agreement(student.module, unseen, plain=True, batch=self.batch)
+            altered = None
+            if self.copies > 1:
+                altered = agreement(student.module, unseen, plain=False, batch=self.batch)
             student.module.cpu()
         objects = len({video.object for video in learn})
         seen = f"{len(lessons)} images of {objects} objects"

@@ -1,7 +1,8 @@
 """A student learns a teacher's 1000 answers: normalisation and top first, then the whole network.
 
 Before the first epoch the batch norms take the statistics of touch, and the top is fitted to the
-teacher's logits in closed form. A checkpoint after each epoch lets a run that was killed go on.
+teacher's logits in closed form, unless the student's answers are nearer as it is. A checkpoint
+after each epoch lets a run that was killed go on.
 Knows nothing about where images come from, files of weights or tables.
 
 Background of our choices: docs/decisions/0057.
@@ -12,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, Protocol
 
 import numpy as np
@@ -21,7 +23,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from taxel.models.torch_engine import enough_memory, in_numbers
-from taxel.training.backbones.fine_tuning import EpochLoss, KeptEpochs
+from taxel.training.backbones.fine_tuning import KeptEpochs
 from taxel.training.backbones.lessons import Lessons
 from taxel.training.backbones.pace import check_gradient, pace
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
@@ -35,6 +37,11 @@ NORM_BATCHES = 24
 _NORM_MOMENTUM = 0.1
 """Share of a new batch in the moving statistics while a student learns: Keras' 0.01 would lag
 behind in so few steps. Source: our choice."""
+_KEPT_PACE = 0.1
+"""Share of the step size where norms keep their statistics: nothing rescales what a large step
+breaks. Source: our choice, docs/decisions/0057."""
+_COMPARED_BATCHES = 8
+"""Batches by which a start is judged. Source: our choice."""
 _EVALUATION_BATCH = 64
 
 
@@ -74,6 +81,16 @@ class DistilConfig:
     """Convolutions and products in 16 bits (bfloat16), for processors that multiply these."""
     seed: int = 0
     """Of the images' order."""
+
+
+@dataclass(frozen=True, slots=True)
+class LessonEpoch:
+    """What an epoch gave, as a checkpoint keeps it."""
+
+    loss: float
+    """Mean over all steps, nats."""
+    norms_kept: bool = False
+    """Whether batch norms keep the statistics that they came with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,23 +135,22 @@ def distil(
     network.to(lessons.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
     adam = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
     job = lessons.digest()
-    history: list[EpochLoss] = []
+    history: list[LessonEpoch] = []
     if kept is not None and kept.resume and kept.path.exists():
-        history = load_checkpoint(kept.path, network, adam, config, EpochLoss, job)
-    if not history:
-        settle_norms(network, lessons, config)
-        fit_top(network, lessons, config)
+        history = load_checkpoint(kept.path, network, adam, config, LessonEpoch, job)
+    norms_kept = history[-1].norms_kept if history else begin(network, lessons, config)
+    rate = config.learning_rate * (_KEPT_PACE if norms_kept else 1.0)
     _set_momentum(network, _NORM_MOMENTUM)
     steps = len(lessons) // config.batch or 1
     for epoch in range(len(history), config.epochs):
-        network.train()
+        _train_mode(network, norms_kept=norms_kept)
         order = np.random.default_rng([config.seed, epoch]).permutation(len(lessons))
         total = 0.0
         for step in range(steps):
             part = order[step * config.batch : (step + 1) * config.batch]
             done = epoch * steps + step
             for group in adam.param_groups:
-                group["lr"] = config.learning_rate * pace(done, config.epochs * steps)
+                group["lr"] = rate * pace(done, config.epochs * steps)
             loss = _loss(network, *lessons.take(part, epoch), config)
             adam.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
@@ -144,7 +160,7 @@ def distil(
             found = float(loss.detach())
             total += found
             on_step(done + 1, config.epochs * steps, found)
-        history.append(EpochLoss(total / steps))
+        history.append(LessonEpoch(total / steps, norms_kept))
         if kept is not None:
             save_checkpoint(kept.path, network, adam, config, history, job)
     network.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]
@@ -152,28 +168,50 @@ def distil(
     return tuple(epoch.loss for epoch in history)
 
 
-def agreement(network: nn.Module, lessons: Lessons, *, plain: bool) -> Agreement:
+def agreement(
+    network: nn.Module, lessons: Lessons, *, plain: bool, batch: int = BATCH
+) -> Agreement:
     """Return how often a network's first answer is the teacher's.
 
     Args:
         network: Images (n, 3, h, w) → logits (n, 1000).
         lessons: Images with the teacher's answers.
         plain: Of images as the camera gave them; else of changed copies.
+        batch: Images in a training step, so that a card meets no other number; at least 64.
     """
     network.eval()
     device = next(network.parameters(), torch.empty(0)).device
     rows = np.flatnonzero(lessons.plain == plain)
     found = []
     with torch.inference_mode():
-        for first in range(0, len(rows), _EVALUATION_BATCH):
-            images, _ = lessons.take(rows[first : first + _EVALUATION_BATCH], -1)
-            found.append(network(images.to(device)).argmax(dim=1).cpu().numpy())
+        for part, count in _blocks(rows, max(batch, _EVALUATION_BATCH)):
+            images, _ = lessons.take(part, -1)
+            found.append(network(images.to(device)).argmax(dim=1)[:count].cpu().numpy())
     wanted = lessons.answers[rows].argmax(axis=1)
     return Agreement(
         float((np.concatenate(found) == wanted).mean()),
         float(np.bincount(wanted).max() / len(wanted)),
         len(rows),
     )
+
+
+def begin(network: nn.Module, lessons: Learnable, config: DistilConfig) -> bool:
+    """Settle norms and fit the top, unless the student's answers are nearer as it is.
+
+    They are where it begins as its teacher with blocks that do nothing yet: statistics of touch
+    would spoil that.
+
+    Returns:
+        Whether it stays as it is; then its norms keep their statistics while it learns.
+    """
+    before = {name: value.clone() for name, value in network.state_dict().items()}
+    loss = _mean_loss(network, lessons, config)
+    settle_norms(network, lessons, config)
+    fit_top(network, lessons, config)
+    stays = loss < _mean_loss(network, lessons, config)
+    if stays:
+        network.load_state_dict(before)
+    return stays
 
 
 def settle_norms(network: nn.Module, lessons: Learnable, config: DistilConfig) -> None:
@@ -205,12 +243,11 @@ def fit_top(network: nn.Module, lessons: Learnable, config: DistilConfig) -> Non
     network.eval()
     rests: list[Tensor] = []
     with torch.no_grad():
-        for first in range(0, len(lessons), _EVALUATION_BATCH):
-            images, answers = lessons.take(
-                np.arange(first, min(first + _EVALUATION_BATCH, len(lessons))), -1
-            )
+        for part, count in _blocks(np.arange(len(lessons)), max(config.batch, _EVALUATION_BATCH)):
+            images, answers = lessons.take(part, -1)
             with _numbers(config, images.device):
-                rests.append(answers - network(images).float())
+                rests.append((answers - network(images).float())[:count])
+            pooled[-1] = pooled[-1][:count]
     hook.remove()
     features, rest = torch.cat(pooled), torch.cat(rests)
     middle, mean_rest = features.mean(dim=0), rest.mean(dim=0)
@@ -221,6 +258,28 @@ def fit_top(network: nn.Module, lessons: Learnable, config: DistilConfig) -> Non
     with torch.no_grad():
         top.weight.add_(change.T)
         top.bias.add_(mean_rest - middle @ change)
+
+
+def _mean_loss(network: nn.Module, lessons: Learnable, config: DistilConfig) -> float:
+    """Return the loss of a network as it stands, on images that training shows too, nats."""
+    network.eval()
+    with torch.no_grad():
+        losses = [
+            float(_loss(network, *lessons.take(part, -1), config))
+            for part in islice(_some(lessons, config), _COMPARED_BATCHES)
+        ]
+    return float(np.mean(losses)) if losses else math.inf
+
+
+def _blocks(rows: NDArray[np.intp], size: int) -> Iterator[tuple[NDArray[np.intp], int]]:
+    """Yield so many rows at a time, the last ones repeated to fill up, and how many count.
+
+    For each number of images that it has not met, a graphics card prepares itself anew.
+    """
+    size = min(size, len(rows))
+    for first in range(0, len(rows), size or 1):
+        part = rows[first : first + size]
+        yield np.concatenate([part, part[-1:].repeat(size - len(part))]), len(part)
 
 
 def _some(lessons: Learnable, config: DistilConfig) -> Iterator[NDArray[np.intp]]:
@@ -249,6 +308,13 @@ def _loss(network: nn.Module, images: Tensor, answers: Tensor, config: DistilCon
 def _numbers(config: DistilConfig, device: torch.device) -> Any:
     """Return what chooses the numbers of convolutions and products in a block."""
     return in_numbers(device, bf16=config.bf16)
+
+
+def _train_mode(network: nn.Module, *, norms_kept: bool) -> None:
+    network.train()
+    for module in network.modules():
+        if isinstance(module, nn.BatchNorm2d):
+            module.train(not norms_kept)
 
 
 def _set_momentum(network: nn.Module, momentum: float) -> None:

@@ -26,13 +26,14 @@ from torch import Tensor
 from taxel.errors import BadDataset, BadInput
 from taxel.frame_codec import decode_jpeg
 from taxel.side_by_side import SideBySide
+from taxel.signals import CameraInfo
 from taxel.windows.camera_recordings import CameraRecording, frame_sets
 from taxel.windows.rest import SETTLE
 from taxel.windows.sequence import label_windows
 
 LANES = 2
-"""Lanes of one or two processes, so recordings whose stretches are mixed at a time: 134 MB for six
-seconds at 25 images a second, 320×240."""
+"""Lanes of one or two processes, so recordings whose stretches are mixed at a time; of each, the
+files of all its images are in memory."""
 RESTING = 5
 """Frames of the settled grasp that are shown beside each stretch. Source: our choice,
 docs/decisions/0057."""
@@ -206,11 +207,11 @@ class Lanes:
         return starts
 
     def _walk(self, order: Sequence[tuple[int, int]], key: tuple[int, int]) -> Iterator[_Stretch]:
-        """Yield stretches; one recording's images are held at a time."""
+        """Yield stretches; one recording's files are held at a time, images of one stretch."""
         known = -1
         for i, start in order:
             if i != known:
-                images, known = _decode(self._pours[i], self._beside), i
+                files, known = _files(self._pours[i]), i
                 wanted = label_windows(self._labels[i], self._frames)
             end = min(SETTLE.stop, len(self._pours[i]))
             rest = np.linspace(SETTLE.start, end - 1, RESTING).astype(int)
@@ -218,7 +219,7 @@ class Lanes:
             numbers, rows = np.unique(self._pours[i].image[frames], return_inverse=True)
             rows = rows.reshape(len(frames), -1)
             yield _Stretch(
-                images[numbers],
+                np.stack(self._beside.map(_decode, [files[number] for number in numbers])),
                 rows[: self._length],
                 rows[self._length :],
                 int(np.random.default_rng((*key, i, start)).integers(len(VARIANTS))),
@@ -226,15 +227,18 @@ class Lanes:
             )
 
 
-def _decode(pour: CameraRecording, beside: SideBySide) -> NDArray[np.uint8]:
-    """Return a recording's different images, shape (m, h, w, 3)."""
-    files: list[tuple[bytes, int]] = []
+def _files(pour: CameraRecording) -> list[tuple[bytes, CameraInfo]]:
+    """Return a recording's different images as they lie there, each with its camera."""
+    files: list[tuple[bytes, CameraInfo]] = []
     for found, row in zip(frame_sets(pour.path, len(pour.cameras)), pour.image, strict=True):
         for frame, number in zip(found.frames, row, strict=True):
             if number == len(files):
-                files.append((frame.jpeg, frame.camera))
-    decoded = beside.map(lambda file: decode_jpeg(file[0], pour.cameras[file[1]]), files)
-    return np.stack(decoded)
+                files.append((frame.jpeg, pour.cameras[frame.camera]))
+    return files
+
+
+def _decode(file: tuple[bytes, CameraInfo]) -> NDArray[np.uint8]:
+    return decode_jpeg(*file)
 
 
 def _stack(stretches: list[_Stretch], multiple: int) -> Batch:
