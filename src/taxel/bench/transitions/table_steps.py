@@ -8,25 +8,28 @@ Background of our choices: docs/decisions/0056.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from taxel.bench.rows import Row, quietest
-from taxel.bundles.engine import EngineName, Precision
+from taxel.bundles.engine import Precision
 from taxel.evaluation.cards.claims import STEP, STEP_SHARE, grasp_row
 
 if TYPE_CHECKING:
     from taxel.evaluation.transitions.step_times import StepTime
     from taxel.models.transition import TransitionModel
+    from taxel.training.frames.extractors import BackboneEngine
 
 ROUNDS, REPEATS = 3, 6
 """Rounds, and streaming steps in each; the quietest round counts. Source: our choice."""
 THREADS = 2
 DEFAULT = "onnxruntime f32"
 """Engine and number format of the rows that the claims card shows."""
+CARD_WAYS: list[tuple[BackboneEngine, Precision]] = [("torch", "f32"), ("torch", "bf16")]
+"""On a graphics card, where there is one."""
 
 
 def table_steps() -> list[tuple[str, Callable[[], list[Row]]]]:
@@ -41,19 +44,29 @@ def table_steps() -> list[tuple[str, Callable[[], list[Row]]]]:
     ]  # fmt: skip
 
 
-def _ways() -> list[tuple[EngineName, Precision]]:
-    ways: list[tuple[EngineName, Precision]] = [("onnxruntime", "f32")]
+def ways() -> list[tuple[BackboneEngine, Precision]]:
+    """Return the engines and number formats that can be measured here."""
+    from taxel.models.torch_engine import best_device
+
+    found: list[tuple[BackboneEngine, Precision]] = [("onnxruntime", "f32")]
     if find_spec("openvino"):
-        ways += [("openvino", "f32"), ("openvino", "bf16")]
-    return ways
+        found += [("openvino", "f32"), ("openvino", "bf16")]
+    if best_device().type != "cpu":
+        found += CARD_WAYS
+    return found
 
 
-def backbone_rows(backbone: str, models: list[TransitionModel]) -> list[Row]:
+def backbone_rows(
+    backbone: str,
+    models: list[TransitionModel],
+    chosen: Sequence[tuple[BackboneEngine, Precision]] | None = None,
+) -> list[Row]:
     """Return the rows of one backbone, which is exported once and opened in each engine.
 
     Args:
         backbone: Its name.
         models: Networks that begin with it.
+        chosen: Engines and number formats; all that can be measured here unless given.
     """
     from taxel.bundles.engine import open_engine
     from taxel.evaluation.transitions.step_times import time_step
@@ -61,8 +74,13 @@ def backbone_rows(backbone: str, models: list[TransitionModel]) -> list[Row]:
 
     extractor = open_backbone(backbone, threads=THREADS)
     rows: list[Row] = []
-    for engine, precision in _ways():
-        ready = replace(extractor, engine=open_engine(extractor.model, engine, precision, THREADS))
+    for engine, precision in ways() if chosen is None else chosen:
+        if engine == "torch":
+            ready = open_backbone(backbone, engine=engine, precision=precision)
+        else:
+            ready = replace(
+                extractor, engine=open_engine(extractor.model, engine, precision, THREADS)
+            )
         for model in models:
             rounds = [
                 time_step(
@@ -87,8 +105,9 @@ def step_rows(model: TransitionModel, way: str, rounds: list[StepTime]) -> list[
     limits = [step.limit_gflops for step in rounds if step.limit_gflops is not None]
     best = min(rounds, key=lambda step: step.stream_ms)
     best = replace(best, limit_gflops=max(limits, default=None))
+    where = best.engine if way.startswith("torch") else f"{way}, {THREADS} threads"
     note = (
-        f"{way}, {THREADS} threads; the whole window again {best.window_ms:.1f} ms; "
+        f"{where}; the whole window again {best.window_ms:.1f} ms; "
         f"{model.parameters:,} numbers, {model.size_mb():.1f} MB"
     )
     name = grasp_row(model.name, best.frames, f"{STEP}{behind}")
