@@ -5,11 +5,12 @@ Knows nothing about screens.
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, sleep
 
 import numpy as np
 
@@ -53,6 +54,9 @@ choice, docs/decisions/0039."""
 _ALL, _PART = "all data", "the training part"
 """What is chosen on, in words."""
 _PARITY_WINDOWS = 500
+_AGAIN, _AGAIN_AFTER_S = 3, 1.0
+"""How often a time above the limit is measured again, and after how long. Source: our choice,
+docs/decisions/0039."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -208,9 +212,8 @@ def _within(
     """Return what was trained on all data, with its costs."""
     base = found.base
     learned = learned_windows(base, found.part.prepared, own)
-    run, measured = _run_of(
-        base, learned, fitted.blend, fitted.choice.joining, nested, reject_novel, seed
-    )
+    run = _run_of(base, learned, fitted.blend, fitted.choice.joining, nested, reject_novel, seed)
+    measured = measure(run, learned.windows[:_PARITY_WINDOWS], limits.most_us)
     over = _over(measured, limits, len(fitted.choice.members))
     return Expert(
         run=run, choice=fitted.choice, nested=nested, measured=measured,
@@ -248,7 +251,8 @@ def _repeat(
     on_step("training on all data as chosen before")
     blend = fit_choice(like, base, prepared, own, seed)
     learned = learned_windows(base, prepared, own)
-    run, measured = _run_of(base, learned, blend, like.joining, None, reject_novel, seed)
+    run = _run_of(base, learned, blend, like.joining, None, reject_novel, seed)
+    measured = measure(run, learned.windows[:_PARITY_WINDOWS])
     return Expert(run=run, choice=like, nested=None, measured=measured,
                   notes=(*base.notes, *prepared.dataset.notes,
                          *live_note(base, prepared.config)),
@@ -310,8 +314,8 @@ def _run_of(
     nested: Nested | None,
     reject_novel: float | None,
     seed: int,
-) -> tuple[Run, Measured]:
-    """Return a trained blend as a run, and what its bundle costs."""
+) -> Run:
+    """Return a trained blend as a run."""
     unscaled = _unscaled(learned)
     accuracy = {} if nested is None else {nested.split: nested.scores.scores.accuracy}
     unknown = None
@@ -323,7 +327,7 @@ def _run_of(
         unknown=unknown,
         parameters=sum(table.numel() for table in blend.state_dict().values()),
     )
-    run = Run(
+    return Run(
         networks=(blend,),
         contract=contract,
         train=TrainConfig(seed=seed),
@@ -333,17 +337,27 @@ def _run_of(
         trivial={} if nested is None else nested.trivial,
         made=Made.now(),
     )
-    return run, measure(run, learned.windows[:_PARITY_WINDOWS])
 
 
-def measure(run: Run, windows: Windows) -> Measured:
-    """Write the bundle aside, open it, and measure what a window costs on one core."""
+def measure(run: Run, windows: Windows, most_us: float = math.inf) -> Measured:
+    """Write the bundle aside, open it, and measure what a window costs on one core.
+
+    Args:
+        run: What was trained.
+        windows: To run it on.
+        most_us: A time above it is measured again: what else a machine does can only lengthen it.
+    """
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         path = Path(scratch) / "bundle.taxel"
         contract: Contract = write_bundle(
             path, run.networks, run.contract, windows.values, windows.mask
         )
-        us = quietest_us(read_bundle(path).probabilities, windows.values, windows.mask)
+        bundle = read_bundle(path)
+        us = quietest_us(bundle.probabilities, windows.values, windows.mask)
+        for _ in range(_AGAIN):
+            if us > most_us:
+                sleep(_AGAIN_AFTER_S)
+                us = min(us, quietest_us(bundle.probabilities, windows.values, windows.mask))
         size = path.stat().st_size
     assert contract.parity is not None
     return Measured(mb=size / 1e6, us=us, parity=contract.parity)
