@@ -301,3 +301,16 @@ def test_a_distilled_networks_accuracy_says_so_on_the_card(
     (line,) = (line for line in card.claims_card().splitlines()
                if "resnet101 + lstm: accuracy" in line)  # fmt: skip
     assert "| 95.58 % | distilled 97.0 % | – |" in line
+
+
+def test_a_network_trained_end_to_end_is_not_called_distilled_for_what_it_began_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(card, "STORE", tmp_path)
+    monkeypatch.setattr("taxel.bench.rows.STORE", tmp_path)
+    row = {"plan": {"model": "resnet101+lstm", "frames": 8}, "weights": "file:a.safetensors",
+           "origin": "taxel train-backbone, end to end, from file:b.safetensors (taxel distil)",
+           "single": {"accuracy": 0.97, "interval": [0.9, 0.99]}, "every_cup": None}  # fmt: skip
+    card.keep_for_claims({"t.json": {"rule": "change", "rows": [row], "baselines": [],
+                                     "steps": []}})  # fmt: skip
+    assert "| 95.58 % | end to end 97.0 % | – |" in card.claims_card()

@@ -15,7 +15,7 @@ from taxel.models.backbones.catalogue import BACKBONES
 from taxel.models.backbones.weight_files import load_backbone_weights, save_backbone_weights
 from taxel.models.published.about import About
 from taxel.models.published.origins import ORIGINS
-from taxel.models.weights import RANDOM, VARIABLE, find_weights
+from taxel.models.weights import RANDOM, VARIABLE, find_weights, model_weights
 
 PALACE, DAISY = 698, 985
 """Classes of ImageNet."""
@@ -119,6 +119,17 @@ def test_the_environment_variable_names_a_folder_or_a_file(tmp_path: Path) -> No
 
     assert in_folder.path == as_file.path == path
     assert not_there.label == RANDOM
+
+
+def test_a_folder_may_hold_weights_that_one_model_alone_uses(tmp_path: Path) -> None:
+    own = tmp_path / "edge+lstm.safetensors"
+    own.write_bytes(b"")
+    environment = {"TAXEL_WEIGHTS": str(tmp_path)}
+    assert model_weights("edge+lstm", tmp_path, environment={}) == own
+    assert model_weights("edge+lstm", environment=environment) == own
+    assert model_weights("edge+transformer", environment=environment) is None
+    assert model_weights("edge+lstm", environment={}) is None
+    assert model_weights("edge+lstm", own, environment={}) is None  # a file is no folder
 
 
 def test_an_explicit_path_goes_before_the_variable(tmp_path: Path) -> None:

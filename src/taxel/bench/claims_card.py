@@ -38,8 +38,8 @@ MEASURED_FOR_CLAIMS = "claims"
 """Name of the store of rows that no bench holds: each value of the papers' tables."""
 COMMAND = "taxel report --claims docs/reference/claims.md"
 _NONE = "not measured"
-_DISTILLED = "distilled"
-"""Stands before the value of a row whose weights `taxel distil` made."""
+_TRAINED_BY = {"taxel train-backbone": "end to end", "taxel distil": "distilled"}
+"""What stands before the value of a row whose weights a verb of ours made, the last step first."""
 _WIDTH = 110
 """Letters in a line of text."""
 
@@ -250,7 +250,8 @@ def _values(links: Sequence[Link], known: Mapping[str, Row]) -> str:
         row = find(link, known)
         if row is not None and row.value is not None:
             shown = f"{100 * row.value:.1f} %" if link.percent else _value(row)
-            label = link.label or (_DISTILLED if "taxel distil" in row.note else "")
+            made = [label for verb, label in _TRAINED_BY.items() if verb in row.note]
+            label = link.label or next(iter(made), "")
             said.append(f"{label} {shown}".strip())
     return ", ".join(said)
 

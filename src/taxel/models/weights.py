@@ -113,6 +113,23 @@ def find_weights(
     return own or _random(backbone, seed)
 
 
+def model_weights(
+    model: str, place: Path | None = None, *, environment: Mapping[str, str] = os.environ
+) -> Path | None:
+    """Return the file of backbone weights that only one model uses: trained end to end with it.
+
+    A folder of weights may hold one a model, such as resnet50+transformer.safetensors.
+
+    Args:
+        model: backbone+head.
+        place: A folder; that of the variable TAXEL_WEIGHTS unless given.
+        environment: Where TAXEL_WEIGHTS is looked up.
+    """
+    folder = place or Path(environment.get(VARIABLE, "") or os.devnull)
+    path = folder / f"{model}.safetensors"
+    return path if path.is_file() else None
+
+
 def shipped_weights(backbone: str) -> Weights | None:
     """Return the weights that come with taxel; None where none do."""
     path = _READY / f"{backbone}.safetensors"

@@ -207,6 +207,25 @@ def test_a_table_s_row_holds_out_the_last_cup_and_then_each(monkeypatch) -> None
     assert eight.size_mb == eight.parameters * 4 / 2**20
 
 
+def test_a_model_with_a_backbone_of_its_own_is_judged_by_what_that_one_saw(monkeypatch) -> None:
+    monkeypatch.setattr(tables, "side_by_side", partial(tables.side_by_side, workers=1))
+    data = pours_of(3)
+    plans = [plan for plan in plan_rows(("efficientnet-lite0",))
+             if plan.model in ("efficientnet-lite0+lstm", "efficientnet-lite0+transformer")
+             and plan.frames == 8]  # fmt: skip
+    seen = {
+        "efficientnet-lite0": BackboneSeen("shared", features_of(data, shared=True)[:1] * 6),
+        "efficientnet-lite0+lstm": BackboneSeen("own", features_of(data, shared=True), "said"),
+    }
+    rows = {row.plan.model: row for row in measure_rows(
+        data, seen, plans, replace(CONFIG, ahead=0), every_cup=False
+    )}  # fmt: skip
+
+    own, other = rows["efficientnet-lite0+lstm"], rows["efficientnet-lite0+transformer"]
+    assert (own.weights, own.origin, other.weights) == ("own", "said", "shared")
+    assert own.single.accuracy > other.single.accuracy + 0.1
+
+
 def test_trivial_answers_stand_beside_a_table() -> None:
     """The frame's number predicts a slip that always comes at the same frame; a class does not."""
     data = pours_of(3)

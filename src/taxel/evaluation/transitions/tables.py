@@ -166,7 +166,8 @@ def measure_rows(
 
     Args:
         data: Pours with labels.
-        seen: What each backbone saw in the pours, by its name.
+        seen: What each backbone saw in the pours, by its name; by its model's name, such as
+            resnet50+transformer, where a model has a backbone of its own.
         plans: Which rows.
         base: How heads are trained; head and frames come from the plan.
         every_cup: Also hold out each cup in turn, for rows of `FRAMES` frames.
@@ -179,18 +180,19 @@ def measure_rows(
         head = find_transition(plan.model).head
         config = replace(base, head=head, frames=plan.frames)
         wanted = folds if every_cup and plan.frames == FRAMES else folds[-1:]
-        backbone = find_transition(plan.model).backbone
-        jobs.append((seen[backbone].features, data.labels, wanted, config, plan.model))
+        own = _seen_by(plan.model, seen)
+        jobs.append((own.features, data.labels, wanted, config, plan.model))
     done = side_by_side(_judge_folds, jobs, lambda result: on_row(result[2]))
     rows = []
     for plan, (judged, seconds, _) in zip(plans, done, strict=True):
         model = find_transition(plan.model)
+        own = _seen_by(plan.model, seen)
         parameters = model.parameters
         rows.append(
             TableRow(
                 plan=plan,
-                weights=seen[model.backbone].weights,
-                origin=seen[model.backbone].origin,
+                weights=own.weights,
+                origin=own.origin,
                 parameters=parameters,
                 published_ms=model.published.step_ms if model.published else None,
                 published_mb=model.published.size_mb if model.published else None,
@@ -201,6 +203,10 @@ def measure_rows(
             )
         )
     return rows
+
+
+def _seen_by(model: str, seen: Mapping[str, BackboneSeen]) -> BackboneSeen:
+    return seen[model] if model in seen else seen[find_transition(model).backbone]
 
 
 def _judge_folds(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -35,7 +35,8 @@ class TransitionTables:
     """Print Tables 1 to 3 of the grasp-transition paper (Sensors 2024, 24, 5080) with ours beside.
 
     Every row is measured with each cup held out in turn, on recordings of five simulated cups
-    unless others are given.
+    unless others are given. A folder of weights may also hold weights for one model, which
+    train-backbone trained with its head: resnet50+transformer.safetensors.
     """
 
     data: Path | None = None
@@ -64,7 +65,7 @@ class TransitionTables:
             plan_rows,
             trivial_rows,
         )
-        from taxel.models.transition import FRAMES
+        from taxel.models.transition import FRAMES, find_transition
 
         self.engine.check()
         backbones = backbone_names(self.backbones)
@@ -76,15 +77,16 @@ class TransitionTables:
             seen: dict[str, BackboneSeen] = {}
             times = {}
             plans = plan_rows(backbones)
-            for name in backbones:
-                extractor = open_features(name, pours, self.weights, self.engine)
-                found = extract_features(extractor, name, pours, self.labels.folder(), bar)
+            for name, models in self._sources([plan.model for plan in plans]).items():
+                backbone = find_transition(models[0]).backbone
+                extractor = open_features(backbone, pours, self._weights_of(name), self.engine)
+                found = extract_features(extractor, backbone, pours, self.labels.folder(), bar)
                 weights = extractor.weights  # type: ignore[union-attr]
                 seen[name] = BackboneSeen(weights.label, found, weights.origin)
                 for plan in plans:
                     if not self.steps:
                         break
-                    if plan.model.startswith(f"{name}+") and plan.frames == FRAMES:
+                    if plan.model in models and plan.frames == FRAMES:
                         times[plan.model] = time_step(
                             plan.model, extractor=extractor,  # type: ignore[arg-type]
                             engine=self.engine.engine, precision=self.engine.precision,
@@ -98,6 +100,23 @@ class TransitionTables:
             )  # fmt: skip
             baselines = trivial_rows(pours)
         self._print(rows, baselines, times, pours.unstable_share())
+
+    def _sources(self, models: list[str]) -> dict[str, list[str]]:
+        """Return which models a backbone serves, by its name, or by that of the only model."""
+        from taxel.models.weights import model_weights
+
+        sources: dict[str, list[str]] = {}
+        for model in models:
+            own = model_weights(model, self.weights.weights)
+            sources.setdefault(model if own else model.partition("+")[0], []).append(model)
+        return sources
+
+    def _weights_of(self, name: str) -> WeightOptions:
+        """Return where the weights of a source are."""
+        from taxel.models.weights import model_weights
+
+        own = model_weights(name, self.weights.weights) if "+" in name else None
+        return replace(self.weights, weights=own) if own else self.weights
 
     def _print(
         self, rows: list[Any], baselines: list[Any], times: dict[str, Any], unstable: float
