@@ -83,8 +83,8 @@ bench: $(INSTALLED)
 # objects than the tables' cups (docs/decisions/0057). Broken off, it goes on where it was; four
 # hours of one core and longer where others use it. SLIP: the folder of gelsight-slip.
 # CARD=yes: on a graphics card, students of 224 pixels that see other copies of images in each epoch,
-# and two Transformers with backbones trained end to end: half an hour of one, most of it simulation
-# and reading.
+# and two Transformers with backbones trained end to end. Its parts took under 20 minutes of an H100,
+# two at a time; it was not run as a whole.
 SLIP ?= ../shared/data/gelsight-slip
 CARD ?= no
 ifeq ($(CARD),yes)
@@ -113,7 +113,7 @@ endif
 	$(BIN)/taxel simulate cup-pour --output $@ --seed 57 --first-cup 1000 --cups 20 --camera-hz 2
 
 ifeq ($(CARD),yes)
-# As measured (docs/decisions/0057); second parts go on from the first ones, on other copies.
+# Epochs as in docs/decisions/0057; second parts go on from the first ones, on other copies.
 FRESH = $(DISTIL) --side-px 224 --frames 8 --copies 5 --batch 128
 
 $(TABLES)/first/densenet121.safetensors: | $(TABLES)/other-cups

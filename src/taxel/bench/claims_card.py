@@ -39,7 +39,8 @@ MEASURED_FOR_CLAIMS = "claims"
 COMMAND = "taxel report --claims docs/reference/claims.md"
 _NONE = "not measured"
 _TRAINED_BY = {"taxel train-backbone": "end to end", "taxel distil": "distilled"}
-"""What stands before the value of a row whose weights a verb of ours made, the last step first."""
+"""What stands before the value of a row whose weights a verb of ours made: the row's note names the
+last verb first, then what its weights began with."""
 _WIDTH = 110
 """Letters in a line of text."""
 
@@ -250,10 +251,14 @@ def _values(links: Sequence[Link], known: Mapping[str, Row]) -> str:
         row = find(link, known)
         if row is not None and row.value is not None:
             shown = f"{100 * row.value:.1f} %" if link.percent else _value(row)
-            made = [label for verb, label in _TRAINED_BY.items() if verb in row.note]
-            label = link.label or next(iter(made), "")
+            label = link.label or _trained_by(row.note)
             said.append(f"{label} {shown}".strip())
     return ", ".join(said)
+
+
+def _trained_by(note: str) -> str:
+    places = {note.find(verb): label for verb, label in _TRAINED_BY.items() if verb in note}
+    return places[min(places)] if places else ""
 
 
 def _value(row: Row) -> str:

@@ -85,7 +85,8 @@ class Measured:
 
     mb: float
     us: float
-    """Of one window on one core: the quietest tenth of the quietest of four stretches."""
+    """Of one window on one core: the quietest tenth of the quietest of four stretches; of up to
+    sixteen where it was above its limit."""
     parity: float
     """Largest difference of a probability, live from offline."""
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from taxel.bench.transitions.table_steps import step_rows, table_steps
 from taxel.evaluation.cards.claims import STEP, STEP_SHARE, grasp_row
@@ -91,3 +92,15 @@ def test_each_published_model_is_timed_once() -> None:
 
     assert len(measures) == 4
     assert sorted(models) == sorted(m.name for m in TRANSITION_MODELS.values() if m.published)
+
+
+def test_on_a_graphics_card_its_steps_are_measurements_of_their_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """So that those of a processor, measured on another machine, stay what they are."""
+    monkeypatch.setattr("taxel.models.torch_engine.best_device", lambda: torch.device("cuda"))
+    ways = {name: measure.args[2] for name, measure in table_steps()}  # type: ignore[attr-defined]
+
+    assert len(ways) == 8
+    for name, chosen in ways.items():
+        assert {engine == "torch" for engine, _ in chosen} == {"on a graphics card" in name}

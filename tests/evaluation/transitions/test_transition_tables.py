@@ -1,8 +1,12 @@
 """Claims about the paper's tables: every row is there, and no cup stands on both sides."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from taxel.cli.evaluation.reproduce.transition_tables import TransitionTables
+from taxel.cli.options.cameras import WeightOptions
 from taxel.errors import BadDataset
 from taxel.evaluation.splits import TrialFold
 from taxel.evaluation.transitions.data import Judged, cup_folds
@@ -53,3 +57,24 @@ def test_several_folds_have_an_interval_over_folds() -> None:
     scores = score_windows([judged(100, 100), judged(60, 100)])
     assert scores.accuracy == 0.8
     assert scores.interval == (0.6, 1.0)
+
+
+def test_a_model_with_weights_of_its_own_in_the_folder_uses_these_and_no_other_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = tmp_path / "resnet50+transformer.safetensors"
+    own.write_bytes(b"")
+    models = ["resnet50+lstm", "resnet50+transformer", "resnet101+transformer"]
+    named = TransitionTables(weights=WeightOptions(weights=tmp_path, threads=2))
+    monkeypatch.setenv("TAXEL_WEIGHTS", str(tmp_path))
+    by_variable = TransitionTables()
+
+    for verb in (named, by_variable):
+        assert verb._sources(models) == {
+            "resnet50": ["resnet50+lstm"],
+            "resnet50+transformer": ["resnet50+transformer"],
+            "resnet101": ["resnet101+transformer"],
+        }
+        assert verb._weights_of("resnet50+transformer").weights == own
+        assert verb._weights_of("resnet50") == verb.weights
+    assert named._weights_of("resnet50+transformer").threads == 2

@@ -33,48 +33,53 @@ CARD_WAYS: list[tuple[BackboneEngine, Precision]] = [("torch", "f32"), ("torch",
 
 
 def table_steps() -> list[tuple[str, Callable[[], list[Row]]]]:
-    """Return what to measure and how: a backbone of the paper each, so that each is kept."""
+    """Return what to measure and how: a backbone of the paper each, so that each is kept.
+
+    On a graphics card, where there is one, its steps are measured apart from the processor's.
+    """
+    from taxel.models.torch_engine import best_device
     from taxel.models.transition import TRANSITION_MODELS
 
     published = [model for model in TRANSITION_MODELS.values() if model.published]
-    return [
-        (f"steps of Tables 1 and 2, {backbone}", partial(backbone_rows, backbone,
-         [model for model in published if model.backbone == backbone]))
-        for backbone in dict.fromkeys(model.backbone for model in published)
-    ]  # fmt: skip
+    backbones = dict.fromkeys(model.backbone for model in published)
+    measures: list[tuple[str, Callable[[], list[Row]]]] = []
+    for where, ways in (("", processor_ways()), (", on a graphics card", CARD_WAYS)):
+        if where and best_device().type == "cpu":
+            continue
+        for backbone in backbones:
+            models = [model for model in published if model.backbone == backbone]
+            measures.append((f"steps of Tables 1 and 2, {backbone}{where}",
+                             partial(backbone_rows, backbone, models, ways)))  # fmt: skip
+    return measures
 
 
-def ways() -> list[tuple[BackboneEngine, Precision]]:
-    """Return the engines and number formats that can be measured here."""
-    from taxel.models.torch_engine import best_device
-
-    found: list[tuple[BackboneEngine, Precision]] = [("onnxruntime", "f32")]
+def processor_ways() -> list[tuple[BackboneEngine, Precision]]:
+    """Return the engines and number formats of the processor that can be measured here."""
+    ways: list[tuple[BackboneEngine, Precision]] = [("onnxruntime", "f32")]
     if find_spec("openvino"):
-        found += [("openvino", "f32"), ("openvino", "bf16")]
-    if best_device().type != "cpu":
-        found += CARD_WAYS
-    return found
+        ways += [("openvino", "f32"), ("openvino", "bf16")]
+    return ways
 
 
 def backbone_rows(
     backbone: str,
     models: list[TransitionModel],
-    chosen: Sequence[tuple[BackboneEngine, Precision]] | None = None,
+    ways: Sequence[tuple[BackboneEngine, Precision]],
 ) -> list[Row]:
     """Return the rows of one backbone, which is exported once and opened in each engine.
 
     Args:
         backbone: Its name.
         models: Networks that begin with it.
-        chosen: Engines and number formats; all that can be measured here unless given.
+        ways: Engines and number formats.
     """
     from taxel.bundles.engine import open_engine
     from taxel.evaluation.transitions.step_times import time_step
     from taxel.training.frames.extractors import open_backbone
 
-    extractor = open_backbone(backbone, threads=THREADS)
     rows: list[Row] = []
-    for engine, precision in ways() if chosen is None else chosen:
+    extractor = open_backbone(backbone, threads=THREADS)
+    for engine, precision in ways:
         if engine == "torch":
             ready = open_backbone(backbone, engine=engine, precision=precision)
         else:

@@ -96,7 +96,7 @@ class Distil:
             unseen = self._gather(kept, teacher, bar, _TEST_SEED)
             student = begin_student(self.backbone, self.start, self.seed)
             task = bar.add_task("learning", total=None)
-            losses = distil(
+            epochs = distil(
                 student.module, lessons, self._config(student),
                 kept=KeptEpochs(checkpoint, self.resume),
                 on_step=lambda step, of, loss: bar.update(
@@ -110,10 +110,13 @@ class Distil:
             student.module.cpu()
         objects = len({video.object for video in learn})
         seen = f"{len(lessons)} images of {objects} objects"
-        about = self._about(teacher, student, seen, altered or plain)
+        start = student.start
+        if any(epoch.norms_kept for epoch in epochs):
+            start += ", norms kept, a tenth of the step size"
+        about = self._about(teacher, start, seen, altered or plain)
         save_backbone_weights(student.module, self.output, about.head())
         checkpoint.unlink(missing_ok=True)
-        self._print(losses, plain, altered, about.trained)
+        self._print(tuple(epoch.loss for epoch in epochs), plain, altered, about.trained)
 
     def _check(self) -> None:
         """Refuse, before anything is read, what cannot be meant."""
@@ -189,9 +192,7 @@ class Distil:
         return DistilConfig(epochs=self.epochs, batch=self.batch, learning_rate=rate,
                             bf16=self.bf16, seed=self.seed)  # fmt: skip
 
-    def _about(
-        self, teacher: BackboneExtractor, student: Student, seen: str, unseen: Agreement
-    ) -> Any:
+    def _about(self, teacher: BackboneExtractor, start: str, seen: str, unseen: Agreement) -> Any:
         """Return what the file of weights says of itself."""
         from taxel.models.backbones.catalogue import find_backbone
         from taxel.models.published.about import About
@@ -200,7 +201,7 @@ class Distil:
         return About(
             origin="taxel distil",
             trained=f"answers of {self.teacher}, {teacher.weights.words}, learned on touch, "
-            f"{seen}, {self.side_px} px, {self.epochs} epoch(s), from {student.start}; same first "
+            f"{seen}, {self.side_px} px, {self.epochs} epoch(s), from {start}; same first "
             f"answer on {'changed ' if self.copies > 1 else ''}images of unseen objects "
             f"{unseen.words}",
             side_px="" if self.side_px == usual else str(self.side_px),

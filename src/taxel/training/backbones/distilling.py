@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import islice
 from typing import Any, Protocol
 
 import numpy as np
@@ -40,8 +39,9 @@ behind in so few steps. Source: our choice."""
 _KEPT_PACE = 0.1
 """Share of the step size where norms keep their statistics: nothing rescales what a large step
 breaks. Source: our choice, docs/decisions/0057."""
-_COMPARED_BATCHES = 8
-"""Batches by which a start is judged. Source: our choice."""
+_COMPARED, _COMPARED_SHARE = 256, 0.1
+"""Images by which a start is judged, and their share of all at most; the fit does not see them.
+Source: our choice."""
 _EVALUATION_BATCH = 64
 
 
@@ -117,8 +117,8 @@ def distil(
     *,
     kept: KeptEpochs | None = None,
     on_step: Callable[[int, int, float], None] = lambda _step, _of, _loss: None,
-) -> tuple[float, ...]:
-    """Train a student in place, on the device of its images; return each epoch's loss, nats.
+) -> tuple[LessonEpoch, ...]:
+    """Train a student in place, on the device of its images; return what each epoch gave.
 
     Args:
         network: Images (n, 3, h, w) → logits (n, 1000); its top is called `predictions`.
@@ -165,7 +165,7 @@ def distil(
             save_checkpoint(kept.path, network, adam, config, history, job)
     network.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]
     network.eval()
-    return tuple(epoch.loss for epoch in history)
+    return tuple(history)
 
 
 def agreement(
@@ -204,18 +204,33 @@ def begin(network: nn.Module, lessons: Learnable, config: DistilConfig) -> bool:
     Returns:
         Whether it stays as it is; then its norms keep their statistics while it learns.
     """
+    order = np.random.default_rng([config.seed, 29]).permutation(len(lessons))
+    judged = min(_COMPARED, int(_COMPARED_SHARE * len(lessons)))
+    judges, others = order[:judged], np.sort(order[judged:])
     before = {name: value.clone() for name, value in network.state_dict().items()}
-    loss = _mean_loss(network, lessons, config)
-    settle_norms(network, lessons, config)
-    fit_top(network, lessons, config)
-    stays = loss < _mean_loss(network, lessons, config)
+    loss = _mean_loss(network, lessons, config, judges)
+    settle_norms(network, lessons, config, others)
+    fit_top(network, lessons, config, others)
+    stays = loss < _mean_loss(network, lessons, config, judges)
     if stays:
         network.load_state_dict(before)
     return stays
 
 
-def settle_norms(network: nn.Module, lessons: Learnable, config: DistilConfig) -> None:
-    """Let batch norms take their statistics from these images, as the weights stand."""
+def settle_norms(
+    network: nn.Module,
+    lessons: Learnable,
+    config: DistilConfig,
+    rows: NDArray[np.intp] | None = None,
+) -> None:
+    """Let batch norms take their statistics from these images, as the weights stand.
+
+    Args:
+        network: What is changed in place.
+        lessons: Images.
+        config: How many at a time.
+        rows: Those to use; all unless given.
+    """
     norms = [module for module in network.modules() if isinstance(module, nn.BatchNorm2d)]
     momenta = [norm.momentum for norm in norms]
     for norm in norms:
@@ -223,7 +238,7 @@ def settle_norms(network: nn.Module, lessons: Learnable, config: DistilConfig) -
         norm.momentum = None  # the plain mean over batches
     network.train()
     with torch.no_grad():
-        for part in _some(lessons, config):
+        for part in _some(np.arange(len(lessons)) if rows is None else rows, config):
             images, _ = lessons.take(part, -1)
             with _numbers(config, images.device):
                 network(images)
@@ -232,8 +247,20 @@ def settle_norms(network: nn.Module, lessons: Learnable, config: DistilConfig) -
     network.eval()
 
 
-def fit_top(network: nn.Module, lessons: Learnable, config: DistilConfig) -> None:
-    """Fit the top to the teacher's logits: least squares, held near what it is (ridge)."""
+def fit_top(
+    network: nn.Module,
+    lessons: Learnable,
+    config: DistilConfig,
+    rows: NDArray[np.intp] | None = None,
+) -> None:
+    """Fit the top to the teacher's logits: least squares, held near what it is (ridge).
+
+    Args:
+        network: Its top is changed in place.
+        lessons: Images with the teacher's answers.
+        config: How many at a time.
+        rows: Those to use; all unless given.
+    """
     top = network.get_submodule("predictions")
     assert isinstance(top, nn.Linear)
     pooled: list[Tensor] = []
@@ -243,7 +270,8 @@ def fit_top(network: nn.Module, lessons: Learnable, config: DistilConfig) -> Non
     network.eval()
     rests: list[Tensor] = []
     with torch.no_grad():
-        for part, count in _blocks(np.arange(len(lessons)), max(config.batch, _EVALUATION_BATCH)):
+        rows = np.arange(len(lessons)) if rows is None else rows
+        for part, count in _blocks(rows, max(config.batch, _EVALUATION_BATCH)):
             images, answers = lessons.take(part, -1)
             with _numbers(config, images.device):
                 rests.append((answers - network(images).float())[:count])
@@ -260,15 +288,16 @@ def fit_top(network: nn.Module, lessons: Learnable, config: DistilConfig) -> Non
         top.bias.add_(mean_rest - middle @ change)
 
 
-def _mean_loss(network: nn.Module, lessons: Learnable, config: DistilConfig) -> float:
-    """Return the loss of a network as it stands, on images that training shows too, nats."""
+def _mean_loss(
+    network: nn.Module, lessons: Learnable, config: DistilConfig, rows: NDArray[np.intp]
+) -> float:
+    """Return the loss of a network as it stands, nats; infinite where there is no image."""
     network.eval()
+    total = 0.0
     with torch.no_grad():
-        losses = [
-            float(_loss(network, *lessons.take(part, -1), config))
-            for part in islice(_some(lessons, config), _COMPARED_BATCHES)
-        ]
-    return float(np.mean(losses)) if losses else math.inf
+        for part, _ in _blocks(rows, max(config.batch, _EVALUATION_BATCH)):
+            total += len(part) * float(_loss(network, *lessons.take(part, -1), config))
+    return total / len(rows) if len(rows) else math.inf
 
 
 def _blocks(rows: NDArray[np.intp], size: int) -> Iterator[tuple[NDArray[np.intp], int]]:
@@ -282,11 +311,11 @@ def _blocks(rows: NDArray[np.intp], size: int) -> Iterator[tuple[NDArray[np.intp
         yield np.concatenate([part, part[-1:].repeat(size - len(part))]), len(part)
 
 
-def _some(lessons: Learnable, config: DistilConfig) -> Iterator[NDArray[np.intp]]:
-    """Yield batches drawn from all images."""
-    order = np.random.default_rng([config.seed, 23]).permutation(len(lessons))
+def _some(rows: NDArray[np.intp], config: DistilConfig) -> Iterator[NDArray[np.intp]]:
+    """Yield batches drawn from some images."""
+    order = rows[np.random.default_rng([config.seed, 23]).permutation(len(rows))]
     size = max(config.batch, BATCH)  # few images have no statistics
-    for first in range(0, min(len(lessons), NORM_BATCHES * size), size):
+    for first in range(0, min(len(order), NORM_BATCHES * size), size):
         part = order[first : first + size]
         if len(part) > 1:
             yield part
