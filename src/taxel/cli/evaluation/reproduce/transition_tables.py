@@ -35,8 +35,8 @@ class TransitionTables:
     """Print Tables 1 to 3 of the grasp-transition paper (Sensors 2024, 24, 5080) with ours beside.
 
     Every row is measured with each cup held out in turn, on recordings of five simulated cups
-    unless others are given. A folder of weights may also hold weights for one model, which
-    train-backbone trained with its head: resnet50+transformer.safetensors.
+    unless others are given. A folder of weights may also hold a backbone that one model alone uses,
+    trained end to end with its head: resnet50+transformer.safetensors.
     """
 
     data: Path | None = None
