@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import threading
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
@@ -31,6 +36,30 @@ def test_rows_side_by_side_give_what_each_gives_alone(model: bytes, rows: int):
         np.testing.assert_allclose(several.run(frames=frames), alone, rtol=0, atol=1e-5)
     if 1 < rows <= 3:
         np.testing.assert_array_equal(several.run(frames=frames), alone)
+
+
+def test_openvino_is_not_bound_to_a_core_that_another_process_may_use(model: bytes):
+    """By default it binds its thread to the first core while it runs, in each process."""
+    pytest.importorskip("openvino")
+    free = os.sched_getaffinity(0)
+    engine = open_engine(model, "openvino")
+    frames = np.zeros((4, *SIZE_PX, 3), np.uint8)
+    done = threading.Event()
+
+    def run() -> None:
+        for _ in range(60):
+            engine.run(frames=frames)
+        done.set()
+
+    seen: set[frozenset[int]] = set()
+    worker = threading.Thread(target=run)
+    worker.start()
+    while not done.is_set():
+        for task in Path("/proc/self/task").iterdir():
+            with contextlib.suppress(OSError):  # it has just ended
+                seen.add(frozenset(os.sched_getaffinity(int(task.name))))
+    worker.join()
+    assert seen == {frozenset(free)}
 
 
 def test_numbers_that_are_none_are_no_difference_to_accept():

@@ -79,6 +79,8 @@ class _OpenVino:
             "INFERENCE_NUM_THREADS": threads,
             "NUM_STREAMS": 1,
             "PERFORMANCE_HINT": "LATENCY",
+            # Else two processes run on the same core. Source: docs/decisions/0056.
+            "ENABLE_CPU_PINNING": False,
         }
         self._compiled = core.compile_model(core.read_model(model), "CPU", config)
         self._request = self._compiled.create_infer_request()

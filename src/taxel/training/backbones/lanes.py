@@ -238,7 +238,8 @@ def _files(pour: CameraRecording) -> list[tuple[bytes, CameraInfo]]:
 
 
 def _decode(file: tuple[bytes, CameraInfo]) -> NDArray[np.uint8]:
-    return decode_jpeg(*file)
+    jpeg, camera = file
+    return decode_jpeg(jpeg, camera)
 
 
 def _stack(stretches: list[_Stretch], multiple: int) -> Batch:
