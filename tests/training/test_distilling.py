@@ -14,6 +14,7 @@ from taxel.errors import BadInput
 from taxel.models.backbones.keras_layers import KerasClassifier, batch_norm
 from taxel.training.backbones.distilling import (
     DistilConfig,
+    _mean_loss,
     agreement,
     begin,
     distil,
@@ -145,6 +146,15 @@ def test_a_start_that_gives_its_teachers_answers_stays_as_it_is_and_keeps_its_no
     # Adam moves a number by about its step size: a tenth of the largest one, rising and falling.
     moved = (student.first.weight - before["first.weight"]).abs().max()
     assert 0 < moved < 0.1 * CONFIG.learning_rate * CONFIG.epochs * (len(lessons) // CONFIG.batch)
+
+
+def test_a_start_is_judged_by_each_of_its_images_once() -> None:
+    """A last batch that is not full weighs as many as it holds."""
+    lessons, student = _answered_by(Small(7)), Small(1).eval()
+    rows = np.arange(70)  # 64, then 6
+    each = [_mean_loss(student, lessons, CONFIG, rows[i : i + 1]) for i in rows]
+
+    assert _mean_loss(student, lessons, CONFIG, rows) == pytest.approx(np.mean(each), rel=1e-5)
 
 
 def test_another_start_takes_the_statistics_of_touch_and_a_fitted_top() -> None:

@@ -125,9 +125,9 @@ def model_weights(
         place: A folder; that of the variable TAXEL_WEIGHTS unless given.
         environment: Where TAXEL_WEIGHTS is looked up.
     """
-    folder = place or Path(environment.get(VARIABLE, "") or os.devnull)
-    path = folder / f"{model}.safetensors"
-    return path if path.is_file() else None
+    folder = place or environment.get(VARIABLE)
+    path = Path(folder) / f"{model}.safetensors" if folder else None
+    return path if path and path.is_file() else None
 
 
 def shipped_weights(backbone: str) -> Weights | None:

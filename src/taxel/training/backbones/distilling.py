@@ -295,7 +295,8 @@ def _mean_loss(
     network.eval()
     total = 0.0
     with torch.no_grad():
-        for part, _ in _blocks(rows, max(config.batch, _EVALUATION_BATCH)):
+        size = max(config.batch, _EVALUATION_BATCH)
+        for part in (rows[first : first + size] for first in range(0, len(rows), size)):
             total += len(part) * float(_loss(network, *lessons.take(part, -1), config))
     return total / len(rows) if len(rows) else math.inf
 
