@@ -31,6 +31,16 @@ def test_of_classes_recorded_one_after_another_the_first_of_each_is_trained_on()
     assert "of each class" in name
 
 
+def test_where_trials_of_classes_alternate_later_trials_are_tested_whatever_their_class():
+    """Each trial has a number of its own; each class's own first would be partly later ones."""
+    y = np.array(["mug", "can", "mug", "mug", "can", "mug", "mug", "can", "mug", "mug"])
+
+    first, name = first_share("n", np.arange(10).astype(str), y, "60%")
+
+    assert first.tolist() == [True] * 6 + [False] * 4
+    assert name == "n up to 5 (60 %) → above"
+
+
 @pytest.mark.parametrize("text", ["0%", "100%", "x%", "-3%"])
 def test_a_share_that_is_none_is_refused(text: str):
     with pytest.raises(BadSplit, match="between 0% and 100%"):

@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 import taxel.training.camera_trials.blend as blending
-from taxel.evaluation.camera_trials.crossval import TrialSet
+from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.training.camera_trials.features import TrialRows
 from taxel.windows.trial_crops import PIXELS, STATISTICS, STILLS, Layout, numbers_of
 

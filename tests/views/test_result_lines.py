@@ -1,6 +1,7 @@
 """Lines beside results: columns as wide as a terminal allows, and what was not tried by name."""
 
 import io
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -100,9 +101,14 @@ def shown(predictions: Predictions, folds: int = 2) -> str:
     return printed(nested_table(cast(Nested, nested)), 200)
 
 
-def test_train_says_where_live_would_name_hardly_a_window():
-    assert "live would name 0.0 % of these test windows" in shown(judged(0.45))
-    assert "confidence of at least 0.5" in shown(judged(0.45))
+def test_train_says_which_share_of_windows_live_would_name():
+    unsure, sure = judged(0.45), judged(0.8)
+    first_two = np.concatenate([sure.probabilities[:2], unsure.probabilities[2:]])
+    silent, half = shown(unsure), shown(replace(sure, probabilities=first_two))
+
+    assert "warning: live would name 0.0 % of these test windows, it answers UNKNOWN" in silent
+    assert "confidence is below 0.5" in silent
+    assert "\nlive would name 50.0 % of these test windows, 50.0 % of them rightly;" in half
     assert "live would name" not in shown(judged(0.8))
 
 
@@ -135,3 +141,19 @@ def test_train_says_that_one_session_was_tested():
     assert ONE_SESSION in printed(nested_table(cast(Nested, nested)), 120)
     scored.lone = None
     assert ONE_SESSION not in printed(nested_table(cast(Nested, nested)), 120)
+
+
+def test_all_right_is_not_clear_of_a_baseline_that_misses_hardly_one() -> None:
+    """49 of 49 right: the interval over files has no width, and 48 of 49 is within chance of it."""
+
+    def warned(baseline: float) -> str:
+        scores = SimpleNamespace(scores=SimpleNamespace(accuracy=1.0), group="file",
+                                 intervals={"file": GroupInterval(1.0, 1.0, 49)})  # fmt: skip
+        nested = SimpleNamespace(
+            scores=scores, trivial={"channel means": baseline},
+            by_trial=TrialScores(accuracy=1.0, loss=0.1, trials=49),
+        )  # fmt: skip
+        return cast(property, Nested.warning).fget(nested) or ""  # type: ignore[misc]
+
+    assert "“channel means” (98.0 %), but its interval is not" in warned(48 / 49)
+    assert warned(0.9) == ""

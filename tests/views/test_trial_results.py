@@ -9,18 +9,15 @@ from rich.console import Console
 
 from taxel.decisions.recognition import UNKNOWN
 from taxel.decisions.trial_verdict import Verdict
+from taxel.evaluation.camera_trials.contenders import BAR, OURS, contenders_for, nothing_moves
 from taxel.evaluation.camera_trials.crossval import (
-    BAR,
-    OURS,
     CameraTrialScores,
     TrialResult,
-    TrialSet,
-    contenders_for,
     judge_trials,
-    nothing_moves,
     rival,
 )
 from taxel.evaluation.camera_trials.sides import split_trials
+from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.views.tables.trial_notes import control_warnings, frames_note, trial_notes
 from taxel.views.tables.trials import not_scored_line, trial_tables, unknown_line
 

@@ -17,8 +17,9 @@ def first_share(
 ) -> tuple[NDArray[np.bool_], str]:
     """Return which trials are the first by a group's numbers, shape (n,), and the split's name.
 
-    Trials of one number stay together. Where no two classes share a number, as where classes were
-    recorded one after another, each class's own first are taken.
+    Trials of one number stay together. Where classes were recorded one after another, each in one
+    stretch, or where the first trials lack a class that would be tested and no two classes share
+    a number, each class's own first are taken.
 
     Args:
         key: The group's name, for messages.
@@ -37,24 +38,41 @@ def first_share(
     if not 0.0 < share < 1.0:
         raise BadSplit("a share between 0% and 100%, such as 70%", repr(text), "correct it")
     numbers = group_numbers(key, values)
-    pairs = set(zip(numbers.tolist(), y.tolist(), strict=True))
-    if len(pairs) == len(set(numbers.tolist())) > len(set(y.tolist())) > 1:
+    first = _first(numbers, share)
+    lacking = _lacking(y, first)
+    if _apart(numbers, y) and (lacking or _stretches(numbers, y) == len(set(y.tolist()))):
         first = np.zeros(len(y), bool)
         for own in set(y.tolist()):
             first[y == own] = _first(numbers[y == own], share)
         words = f"{key}, first {100 * first.mean():.0f} %, of each class → later"
     else:
-        first = _first(numbers, share)
         words = f"{key} up to {numbers[first].max():g} ({100 * first.mean():.0f} %) → above"
     if first.all():
         raise BadSplit(f"two or more numbers in the group {key!r}", f"{numbers[0]:g} only",
                        "choose another group")  # fmt: skip
-    if lacking := sorted(set(y[~first].tolist()) - set(y[first].tolist()), key=str):
+    if lacking := _lacking(y, first):
         raise BadSplit(
             f"each class that is tested among the first {text} by {key!r}",
             f"none of {', '.join(map(str, lacking))}", "choose a larger share, or another group",
         )  # fmt: skip
     return first, words
+
+
+def _apart(numbers: NDArray[np.float64], y: NDArray[np.generic]) -> bool:
+    """Return whether no number stands in two classes, and some class has several."""
+    pairs = set(zip(numbers.tolist(), y.tolist(), strict=True))
+    return len(pairs) == len(set(numbers.tolist())) > len(set(y.tolist())) > 1
+
+
+def _stretches(numbers: NDArray[np.float64], y: NDArray[np.generic]) -> int:
+    """Return in how many stretches of one class the trials follow each other."""
+    ordered = y[np.argsort(numbers, kind="stable")]
+    return int((ordered[1:] != ordered[:-1]).sum()) + 1
+
+
+def _lacking(y: NDArray[np.generic], first: NDArray[np.bool_]) -> list[object]:
+    """Return the classes that would be tested and are not among the first."""
+    return sorted(set(y[~first].tolist()) - set(y[first].tolist()), key=str)
 
 
 def group_numbers(key: str, values: NDArray[np.str_]) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ from taxel.evaluation.bars import BARS, FEWEST_ROWS, bar_probabilities
 from taxel.evaluation.baselines import trivial_right
 from taxel.evaluation.metrics import cross_entropy
 from taxel.evaluation.outer_split import check_training_parts
-from taxel.evaluation.run_scores import RunScores, baseline_warning, judge
+from taxel.evaluation.run_scores import RunScores, baseline_warning, judge, least_of_all_right
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.costs import KnownCosts
@@ -68,10 +68,13 @@ class Nested:
     def warning(self) -> str | None:
         """What must be said where the accuracy is not clear of trivial baselines."""
         scores = self.scores
+        interval = scores.intervals[scores.group]
+        if self.by_trial.accuracy == 1.0:  # resampled, it has no width
+            least = least_of_all_right(self.by_trial.trials)
+            interval = replace(interval, low=min(interval.low, least))
         return baseline_warning(
-            "what was chosen", scores.scores.accuracy, scores.intervals[scores.group],
-            scores.group, self.trivial,
-        )  # fmt: skip
+            "what was chosen", scores.scores.accuracy, interval, scores.group, self.trivial
+        )
 
 
 @dataclass(frozen=True, slots=True)

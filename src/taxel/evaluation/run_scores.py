@@ -14,6 +14,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import binomtest
 
 from taxel.decisions.recognition import RecogniseConfig
 from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
@@ -23,9 +24,13 @@ from taxel.training.predictions import Predictions
 
 BINS = 10
 """Bins of confidence in a reliability diagram. Source: our choice, the usual one."""
+LEAST_UNNAMED = 0.01
+"""Share of test windows that live would not name, 0…1, up to which that is not said. Source: our
+choice, docs/decisions/0039."""
 FEW_NAMED = 0.5
-"""Below this share of test windows that are sure enough to be named, 0…1, that is said. Source:
-our choice, docs/decisions/0039: a recogniser that is silent on most touch is not what was asked."""
+"""Below this share of test windows that are sure enough to be named, 0…1, that is a warning.
+Source: our choice, docs/decisions/0039: a recogniser that is silent on most touch is not what was
+asked."""
 _SAME_S = 1e-3
 """Times that differ by less are one time, seconds: hides rounding of clocks and rates."""
 _MOST_GROUPS = 40
@@ -141,6 +146,14 @@ Standing = Literal["behind", "near", "few", "clear"]
 fewer groups than `compare_runs` could claim anything of, or above."""
 
 
+def least_of_all_right(trials: int) -> float:
+    """Return the accuracy, 0…1, that is plausible at least (95 %) where all of so many are right.
+
+    Source: Clopper and Pearson, Biometrika 26 (1934) 404.
+    """
+    return float(binomtest(trials, trials).proportion_ci().low)
+
+
 def beside_baselines(
     name: str,
     accuracy: float,
@@ -199,21 +212,23 @@ def baseline_warning(
     return f"{said}: {mend[standing]}" if standing in mend else None
 
 
-def few_named(predictions: Predictions) -> str | None:
-    """Return what must be said where live would name fewer than half of the test windows.
+def unnamed_line(predictions: Predictions) -> str | None:
+    """Return how many test windows live would answer UNKNOWN to; None below one in a hundred.
 
     Args:
         predictions: What was said of each test window.
     """
     least = RecogniseConfig().least_confidence
-    share = float((predictions.probabilities.max(axis=1) >= least).mean())
-    if share >= FEW_NAMED:
+    named = predictions.probabilities.max(axis=1) >= least
+    share = float(named.mean())
+    if share > 1.0 - LEAST_UNNAMED:
         return None
-    return (
-        f"live would name {100 * share:.1f} % of these test windows, and answer UNKNOWN to the "
-        f"others: it asks for a confidence of at least {least:g}; record more, or take less with "
-        "taxel live --least-confidence"
+    right = f"{100 * predictions.correct[named].mean():.1f} % of them rightly; " if share else ""
+    said = (
+        f"live would name {100 * share:.1f} % of these test windows, {right}it answers UNKNOWN "
+        f"to the others, as its confidence is below {least:g} (taxel live --least-confidence)"
     )
+    return f"warning: {said}; record more" if share < FEW_NAMED else said
 
 
 def blind_baselines(predictions: Predictions) -> tuple[str, ...]:

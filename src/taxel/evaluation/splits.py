@@ -181,6 +181,13 @@ def by_group(
                 f"one ({own[0]}) for {name!r}: {no_window(lost, 'its other groups')}",
                 MORE_WINDOWS,
             )
+        if classes.count(name) < 2:
+            (alone,) = (t for t, c in zip(dataset.trials, classes, strict=True) if c == name)
+            raise BadSplit(
+                f"at least two trials of every class of {target!r}, to learn from and to test",
+                f"one of {name!r} ({alone.recording})",
+                f"record {name!r} again, or move that recording elsewhere",
+            )
         if len(own) < 2:
             raise BadSplit(
                 f"at least two groups {key!r} for every class of {target!r}",

@@ -29,14 +29,8 @@ from taxel.cli.options.trials import TrialOptions
 from taxel.cli.training.train_trials import TrainTrials
 from taxel.decisions.recognition import UNKNOWN
 from taxel.errors import BadBundle, BadDataset, BadInput, BadSplit, BadTable
-from taxel.evaluation.camera_trials.crossval import (
-    BAR,
-    OURS,
-    contenders_for,
-    difference,
-    judge_trials,
-    thumbs,
-)
+from taxel.evaluation.camera_trials.contenders import BAR, OURS, contenders_for, thumbs
+from taxel.evaluation.camera_trials.crossval import difference, judge_trials
 from taxel.evaluation.camera_trials.sides import split_by_table, split_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
 from taxel.recordings.imports.video_rows import read_video_rows

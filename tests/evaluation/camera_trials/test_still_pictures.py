@@ -11,7 +11,8 @@ from trial_makers import some_trials
 
 import taxel.training.camera_trials.blend as blending
 from taxel.bundles.trials import read_trial_bundle
-from taxel.evaluation.camera_trials.crossval import BAR, OURS, judge_trials
+from taxel.evaluation.camera_trials.contenders import BAR, OURS
+from taxel.evaluation.camera_trials.crossval import judge_trials
 from taxel.evaluation.camera_trials.final import fit_final
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set

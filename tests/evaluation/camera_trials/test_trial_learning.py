@@ -18,10 +18,8 @@ from trial_makers import (
 
 import taxel.training.camera_trials.blend as blending
 from taxel.bundles.engine import open_engine
-from taxel.evaluation.camera_trials.crossval import (
-    OURS,
-    judge_trials,
-)
+from taxel.evaluation.camera_trials.contenders import OURS
+from taxel.evaluation.camera_trials.crossval import judge_trials
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
 from taxel.training.camera_trials.blend import MEMBERS, classes_are_groups, fit_blend

@@ -68,12 +68,8 @@ class EvaluateTrials:
             raise BadInput("one data set, or a bundle and a data set",
                            f"{self.trials}, which is no bundle, and {self.data}",
                            "leave one out")  # fmt: skip
-        from taxel.evaluation.camera_trials.crossval import (
-            contenders_for,
-            difference,
-            judge_trials,
-            rival,
-        )
+        from taxel.evaluation.camera_trials.contenders import contenders_for
+        from taxel.evaluation.camera_trials.crossval import difference, judge_trials, rival
         from taxel.views.tables.trial_notes import control_warnings
         from taxel.views.tables.trials import trial_json, trial_tables
 

@@ -14,8 +14,8 @@ from taxel.cli.options.rules import Only
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
-    from taxel.evaluation.camera_trials.crossval import TrialSet
     from taxel.evaluation.camera_trials.sides import TrialSplit
+    from taxel.evaluation.camera_trials.trial_set import TrialSet
     from taxel.windows.camera_trials import CameraTrial
 
 

@@ -47,9 +47,10 @@ class Train:
     split: str | None = None
     """How accuracy is measured. group:KEY holds out whole groups, such as group:session.
     order:KEY:LAST[:END] trains up to LAST and tests above it, up to END; order:KEY:70% trains on
-    the first 70 % and tests the later ones. random splits windows, which leaks; it trains the
-    recipe, without a search. Unless given: the recipe's, if it names one; else sessions are held
-    out, else objects, persons or days, else files."""
+    the first 70 % and tests the later ones (of each class, where classes follow one another).
+    random splits windows, which leaks; it trains the recipe, without a search. Unless given: the
+    recipe's, if it names one; else sessions are held out, else objects, persons or days, else
+    files."""
     folds: Path | None = None
     """Measure on a published split instead: a table (CSV) with the columns recording (or
     group:KEY), side (train, validation, test) or fold, and optionally start_s, seconds."""
@@ -240,7 +241,7 @@ class Train:
 
 def print_checked(checked: Checked) -> None:
     """Print a cross-validation: accuracies, warnings, confusions, each class and group."""
-    from taxel.evaluation.run_scores import few_named
+    from taxel.evaluation.run_scores import unnamed_line
     from taxel.views.tables.parts import parts_tables
     from taxel.views.tables.results import checked_table, confusion_table
 
@@ -248,9 +249,10 @@ def print_checked(checked: Checked) -> None:
     console.print(checked_table(checked))
     if checked.kept:
         say(_kept_line(checked))
-    for said in (warning(checked), few_named(checked.predictions)):
-        if said:
-            say(f"warning: {said}", style="yellow")
+    if said := warning(checked):
+        say(f"warning: {said}", style="yellow")
+    if said := unnamed_line(checked.predictions):
+        say(said, style="yellow" if said.startswith("warning") else "")
     classes = checked.dataset.classes(checked.recipe.target)
     console.print(confusion_table(classes, pooled.scores.confusion, console.width))
     for table in parts_tables(pooled.parts) if pooled.parts is not None else ():

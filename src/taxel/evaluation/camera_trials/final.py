@@ -17,9 +17,9 @@ import numpy as np
 
 from taxel import __version__
 from taxel.bundles.trials import IN_RUN, TrialContract, trial_bundle_bytes
-from taxel.evaluation.camera_trials.crossval import TrialSet
 from taxel.evaluation.camera_trials.learned_trials import fingerprints
 from taxel.evaluation.camera_trials.sides import TrialSplit
+from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.plain_text import finite, json_text
 from taxel.recordings.whole import whole_folder, write_whole
 from taxel.training.camera_trials.blend import fit_blend

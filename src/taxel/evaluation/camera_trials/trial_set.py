@@ -5,24 +5,62 @@ Knows nothing about splits, models or screens.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
-from taxel.evaluation.camera_trials.crossval import TrialSet
 from taxel.labels.class_order import in_order
-from taxel.training.camera_trials.features import further_crops, trial_rows
+from taxel.training.camera_trials.features import TrialRows, further_crops, trial_rows
+from taxel.training.camera_trials.learning import Crops, Learning
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import USUAL
+from taxel.windows.trial_crops import USUAL, Layout
 from taxel.windows.trial_layout import choose_layout, count_between
+
+Rows = NDArray[np.float32]
 
 JUDGED: Final = "features of trials"
 LEARNED: Final = "features of further crops, only learned from"
 """The passes over the trials."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialSet:
+    """Labelled camera trials, cut and looked at."""
+
+    target: str
+    classes: tuple[str, ...]
+    y: NDArray[np.intp]
+    """Shape (trials,): index into `classes`."""
+    names: tuple[str, ...]
+    groups: tuple[Mapping[str, str], ...]
+    lengths: NDArray[np.intp]
+    """Shape (trials,): frames."""
+    cameras: int
+    layout: Layout
+    cut: TrialRows
+    further: Crops | None = None
+    """Crops that are only learned from."""
+
+    @property
+    def widths(self) -> dict[str, int]:
+        """View → numbers a crop."""
+        return {name: rows.shape[1] for name, rows in self.cut.rows.items()}
+
+    @property
+    def rows(self) -> Rows:
+        """Shape (n, columns): all views side by side."""
+        return np.concatenate(list(self.cut.rows.values()), axis=1)
+
+    def learning(self, rows: Rows, group: str, further: Crops | None = None) -> Learning:
+        """Return all crops with these rows; trials that lack the group stand alone."""
+        values = [own.get(group, f"trial {i}") for i, own in enumerate(self.groups)]
+        return Learning(rows, self.cut.trial, self.y, np.array(values), len(self.classes), further)
 
 
 def load_trial_set(

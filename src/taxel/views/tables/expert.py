@@ -9,11 +9,15 @@ from collections.abc import Sequence
 
 from rich.console import Group, RenderableType
 from rich.text import Text
-from scipy.stats import binomtest
 
 from taxel.evaluation.expert import Expert
 from taxel.evaluation.nested import Nested
-from taxel.evaluation.run_scores import blind_baselines, few_named, only_one
+from taxel.evaluation.run_scores import (
+    blind_baselines,
+    least_of_all_right,
+    only_one,
+    unnamed_line,
+)
 from taxel.plain_text import visible, visible_line
 from taxel.training.choose.choice import Choice
 from taxel.views.tables.results import result_table
@@ -38,8 +42,8 @@ def leaderboard(choice: Choice, *, repeated: bool = False) -> RenderableType:
     """
     when = "in the run that is repeated, " if repeated else ""
     table = result_table(
-        f"{visible(choice.target)} · {when}tried on {choice.folds} inner folds, "
-        f"{visible(choice.held)} held out",
+        f"{visible(choice.target)} · {when}the saved model was chosen on {choice.folds} "
+        f"inner folds, {visible(choice.held)} held out",
         ("model", "windows", "loss", "accuracy", "s", "weight"),
     )
     rows = choice.leaderboard
@@ -116,8 +120,8 @@ def nested_table(nested: Nested) -> RenderableType:
         lines.append(Text(visible_line(said), style="yellow"))
     if nested.warning:
         lines.append(Text(f"warning: {visible_line(nested.warning)}", style="yellow"))
-    if said := few_named(nested.predictions):
-        lines.append(Text(f"warning: {said}", style="yellow"))
+    if said := unnamed_line(nested.predictions):
+        lines.append(Text(said, style="yellow" if said.startswith("warning") else ""))
     return Group(table, *lines)
 
 
@@ -126,7 +130,7 @@ def _all_right(nested: Nested) -> str:
     trials = nested.by_trial
     if trials.accuracy < 1.0:
         return ""
-    least = binomtest(trials.trials, trials.trials).proportion_ci().low
+    least = least_of_all_right(trials.trials)
     return f"; all {trials.trials} trials right: by their number alone at least {least:.3f}"
 
 

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from taxel.evaluation.camera_trials.crossval import TrialResult, TrialSet, nothing_moves
+from taxel.evaluation.camera_trials.contenders import nothing_moves
+from taxel.evaluation.camera_trials.crossval import TrialResult
+from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.windows.trial_crops import LEAST_CROP
 
 

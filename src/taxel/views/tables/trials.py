@@ -20,10 +20,10 @@ from taxel.evaluation.camera_trials.crossval import (
     CameraTrialScores,
     Difference,
     TrialResult,
-    TrialSet,
     by_group,
 )
 from taxel.evaluation.camera_trials.sides import TrialSplit, shared_values
+from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.evaluation.paired import LEVEL, smallest_p
 from taxel.plain_text import visible, visible_line, visible_names
 from taxel.recordings.imports.spelling import by_numbers
