@@ -84,13 +84,13 @@ def test_a_text_that_does_not_tell_trials_apart_is_refused(tmp_path, row, text, 
     assert not (tmp_path / "out").exists()
 
 
-def test_axes_are_no_matter_of_texts(tmp_path):
+def test_axes_of_a_text_say_that_each_line_is_a_trial_or_are_refused(tmp_path):
     """A column that would change nothing is refused."""
     (tmp_path / "all.csv").write_text(TEXT)
     (tmp_path / "table.csv").write_text(
         HEADER.replace("trials,", "trials,axes,") + ROW.replace("trial,", "trial,rows channels,", 1)
     )
-    with pytest.raises(BadTable, match="'axes' for a file of arrays"):
+    with pytest.raises(BadTable, match="axes of a text: 'trials channels'"):
         import_table(tmp_path / "table.csv", tmp_path / "out")
 
 

@@ -21,6 +21,7 @@ from taxel.recordings.imports.stacks.trials import ArrayTrials, StackWords
 from taxel.recordings.imports.table_columns import npy_shape
 from taxel.recordings.imports.table_files import file_of
 from taxel.recordings.imports.table_form import TEXT_ENDINGS
+from taxel.recordings.imports.trial_lines import LineTrials
 from taxel.recordings.imports.trial_runs import TextTrials
 from taxel.recordings.imports.trial_sets import (
     FROM,
@@ -230,13 +231,21 @@ def _opened(
     trials, channels = named.get("trials", ""), named.get("channels", "")
     time = named.get("time", "")
     if file.name.lower().endswith(TEXT_ENDINGS):
-        if named.get("axes"):
-            raise BadTable("'axes' for a file of arrays", f"a text in {where}", "leave it empty")
         by_row = list(columns_by_row(named, where).values())
+        if named.get("axes"):
+            _refuse_rows(by_row, where)
+            return LineTrials(file, named, own, where)
         return TextTrials(file, named, own, where, by_row)
     words = StackWords(trials=trials, axes=named.get("axes", ""), channels=channels, time=time,
                        one_label=labelled)  # fmt: skip
     return ArrayTrials(file, words, own, counts, where, named["file"])
+
+
+def _refuse_rows(by_row: Sequence[str], where: str) -> None:
+    """Refuse a label in each row where each row is a trial."""
+    if by_row:
+        raise BadTable("from:COLUMN for a text with a trial in each line",
+                       f"rows:{visible(by_row[0])} in {where}", "write it so")  # fmt: skip
 
 
 def _cut(
