@@ -193,20 +193,31 @@ def test_several_of_a_group_are_named_as_in_english() -> None:
         "sessions", "days", "bodies", "batches"]  # fmt: skip
 
 
-def test_a_first_row_that_may_be_touch_is_asked_about(make_set: Make) -> None:
-    """A class's level in every row of trials that move away: a hazard with its condition."""
-    touch = make_set["array"]()
-    press = np.linspace(0.0, 4.0, 40)[:, None] ** 0.5
-    rows = tuple(np.asarray(own * 0.1 + 2.0 * c + press, np.float32)
-                 for own, c in zip(touch.rows, touch.y, strict=True))  # fmt: skip
-    case = make_case(replace(touch, rows=rows), None, 10, 0)
+@pytest.mark.parametrize("still", [False, True], ids=["press", "squeeze that starts late"])
+def test_a_first_row_that_may_be_touch_is_asked_about(make_set: Make, still: bool) -> None:
+    """A class's level in every row of trials that move away: a hazard with its condition.
 
-    reading = read_first(case)
+    A hand that lies around an object before it squeezes stands still as an untouched sensor does;
+    the squeeze, too, differs by class.
+    """
+    touch = make_set["array"]()
+    x = np.clip((np.arange(40) - 8) / 4, 0, 1) if still else np.linspace(0.0, 1.0, 40)
+    press = x[:, None] ** 0.5
+    rng = np.random.default_rng(0)
+    rows = tuple(np.asarray(rng.normal(0, 0.01, (40, 6)) + 2.0 * c + (4.0 + c) * press, np.float32)
+                 for c in touch.y)  # fmt: skip
+    spoilt = replace(touch, rows=rows)
+    assert stands_still_first(spoilt) is still
+
+    reading = read_first(make_case(spoilt, None, 10, 0))
     found = reading.finding(reading.evidence.p)
 
     assert found.verdict == "hazard"
-    assert "If touch has not begun there" in found.said
-    assert "before contact: drift" not in found.said
+    assert ("after they stood still" in found.said) is still
+    assert "does not yet touch in the first row, it is drift" in found.said
+    assert "may be touch itself" in found.said
+    assert "in contact when the recording began?" in found.mend
+    assert "(tare)" in found.mend
 
 
 @pytest.mark.parametrize(
@@ -219,10 +230,10 @@ def test_a_first_row_that_may_be_touch_is_asked_about(make_set: Make) -> None:
     ],
     ids=["onset", "press", "contact of a ball", "settling"],
 )
-def test_only_a_still_start_and_an_onset_show_that_touch_has_not_begun(
+def test_a_still_start_is_told_from_a_press_and_from_a_hold_that_settles(
     make_set: Make, course: np.ndarray, still: bool
 ) -> None:
-    """A press that goes on, or a hold that settles, leaves its first row as well."""
+    """Both leave their first row as well, but do not stand still there."""
     touch, rng = make_set["array"](), np.random.default_rng(0)
     rows = tuple((course[:, None] + rng.normal(0, 0.01, (40, 6))).astype(np.float32)
                  for _ in range(60))  # fmt: skip

@@ -10,6 +10,7 @@ import pytest
 from trial_makers import Write, as_avi, as_folder, write_trials
 
 from taxel.errors import BadDataset
+from taxel.evaluation.audit.affine import scaled_over_channels
 from taxel.evaluation.audit.audit import audit, make_case
 from taxel.evaluation.audit.copies import near_copies, rows_backwards, same_rows
 from taxel.evaluation.audit.finding import Finding
@@ -71,16 +72,71 @@ def test_one_trial_a_class_is_refused(make_set: Make) -> None:
         checked(replace(touch, trials=tuple(trials)))
 
 
-def test_single_readings_are_refused_in_words(tmp_path: Path) -> None:
-    """Grasps of one row each: there is no course to compare, and no label is said to be missing."""
+def test_single_readings_are_audited_and_what_needs_time_is_named(tmp_path: Path) -> None:
+    """Grasps of one row each, of two channels: too few to tell copies, and it is said."""
     (tmp_path / "a.csv").write_text("x,y\n" + "".join(f"{i},{i % 3}\n" for i in range(20)))
     (tmp_path / "t.csv").write_text("file,channels,time\na.csv,x[N] y[N],rate:1Hz\n")
-    spans = "".join(f"a,{i},{i + 1},{'xy'[i % 2]}\n" for i in range(19))
+    spans = "".join(f"a,{i},{i + 0.5},{'xy'[i % 2]}\n" for i in range(19))
     (tmp_path / "i.csv").write_text(f"file,start_s,end_s,label:outcome\n{spans}")
     import_table(tmp_path / "t.csv", tmp_path / "set", intervals=tmp_path / "i.csv")
 
-    with pytest.raises(BadDataset, match="at least 3 rows"):
-        read_touch(tmp_path / "set", "outcome", lambda *_: None)
+    touch = read_touch(tmp_path / "set", "outcome", lambda *_: None)
+    assert {len(rows) for rows in touch.rows} == {1}
+    found = audit(touch, "single")
+    verdicts = {finding.kind: finding.verdict for finding in found.findings}
+    assert any("length, place, first row, level" in note for note in found.notes)
+    assert verdicts["duplicates"] == verdicts["near-duplicates"] == "not checked"
+    assert not {"length", "place", "first frame", "level", "augmented copies"} & verdicts.keys()
+
+
+def readings(touch: TouchSet, channels: int = 12, step: float = 0.001) -> TouchSet:
+    """Return the set with one reading a trial, its class's pattern with noise, in steps."""
+    rng = np.random.default_rng(3)
+    pattern = rng.uniform(1, 2, (3, channels))
+    rows = tuple(np.asarray(np.round(own / step) * step, np.float32)[None]
+                 for own in pattern[touch.y] * rng.normal(1, 0.2, (60, channels)))  # fmt: skip
+    return replace(touch, rows=rows, views=("array",) * channels,
+                   time_s=(np.zeros(1),) * len(touch))  # fmt: skip
+
+
+def test_copies_of_single_readings_are_found_and_honest_ones_are_none(make_set: Make) -> None:
+    """Trials 0 and 1 are of two sessions: the same values, and others times 1.3 and rounded."""
+    touch = readings(make_set["array"]())
+    assert not audit(touch, "x").alarms
+
+    rows = list(touch.rows)
+    rows[1] = rows[0]
+    rows[3] = np.asarray(np.round(1.3 * rows[2] + 2.0, 3), np.float32)
+    rows[9] = np.asarray(rows[8] * np.random.default_rng(0).normal(1, 0.01, 12), np.float32)
+    spoilt = replace(touch, rows=tuple(rows))
+    for split, verdict in ((None, "leak"), ("group:session", "leak")):
+        sides = None if split is None else named_sides(spoilt, split, 1, 5, 0)
+        found = {finding.kind: finding for finding in audit(spoilt, "x", sides).findings}
+        assert found["duplicates"].verdict == found["near-duplicates"].verdict == verdict
+        assert found["duplicates"].examples[0].startswith("r00#0 and r01#0")
+        assert [own[:15] for own in found["near-duplicates"].examples] == ["r02#0 and r03#0"]
+
+
+@pytest.mark.parametrize(("channels", "step"), [(12, 1.0), (4, 0.001)], ids=["coarse", "few"])
+def test_single_readings_that_meet_by_chance_are_not_checked(
+    make_set: Make, channels: int, step: float
+) -> None:
+    """Values of three steps, or of four channels."""
+    found = {finding.kind: finding for finding in
+             audit(readings(make_set["array"](), channels, step), "x").findings}  # fmt: skip
+
+    assert found["duplicates"].verdict == "not checked"
+    assert found["near-duplicates"].verdict in ("clear", "not checked")
+
+
+def test_one_taxel_that_answers_is_no_copy_of_another_force() -> None:
+    """All others stay at zero: scale alone makes any such reading of any other."""
+    first, other = np.zeros((2, 16), np.float32)
+    first[3], other[3] = 1.0, 2.5
+
+    assert not scaled_over_channels(first, other, np.full(16, 0.001))
+    bowl = np.arange(16, dtype=np.float32) ** 2
+    assert scaled_over_channels(bowl, 3 * bowl + 1, np.zeros(16))
 
 
 def test_one_operator_and_one_pad_on_both_sides_of_held_out_sessions_are_a_limit(
@@ -210,6 +266,58 @@ def test_a_machines_repeats_of_one_touch_are_a_note_and_a_noisy_copy_of_one_a_le
     rows[1] = np.asarray(1.3 * rows[0] + 2.0 + noise, np.float32)
     near, _, _ = near_copies(replace(touch, rows=tuple(rows), time_s=time_s), {})
     assert list(near) == [(0, 1)]
+
+
+def squeezes(touch: TouchSet, seed: int) -> TouchSet:
+    """Return the set with squeezes of six fruits at four depths instead, 30 taxels, in steps.
+
+    Values are multiples of 1/1600. Two squeezes of a fruit differ by far more than that.
+    """
+    rng = np.random.default_rng(seed)
+    shape = np.cumsum(rng.uniform(0.2, 1.0, (6, 4, 30)), axis=1)
+    rows = []
+    for index in range(len(touch)):
+        own = shape[index % 6] * rng.normal(1, 0.15, 30) + rng.normal(0, 0.01, (4, 30)) + 1.0
+        rows.append((np.round(own * 1600) / 1600).astype(np.float32))
+    return replace(touch, views=("array",) * 30, rows=tuple(rows),
+                   time_s=(np.arange(4) / 20.0,) * len(rows))  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_of_four_rows_alike_squeezes_are_a_note_and_true_copies_are_found(
+    make_set: Make, seed: int
+) -> None:
+    """Two numbers a channel are the course of a touch, not noise."""
+    touch = squeezes(make_set["array"](trials=90), seed)
+    rows = list(touch.rows)
+    rng = np.random.default_rng(9)
+    rows[6] = np.asarray(rows[0] + rng.normal(0, 0.02, (4, 30)), np.float32)  # as alike as a copy
+
+    honest = replace(touch, rows=tuple(rows))
+    near, repeats, _ = near_copies(honest, {})
+    assert not near
+    assert (0, 6) in repeats
+    said = next(f for f in audit(honest, "x").findings if f.kind == "near-duplicates")
+    assert said.verdict == "note"
+    assert "not decided" in said.said
+
+    rows[7] = np.asarray(np.round((1.3 * rows[1] + 2.0) * 1600) / 1600, np.float32)
+    rows[8] = np.asarray(0.7 * rows[2] - 1.0, np.float32)
+    rows[9] = rows[3]
+    copied = replace(touch, rows=tuple(rows))
+    same = same_rows(copied)
+    assert same == {(3, 9): 1.0}
+    assert set(near_copies(copied, same)[0]) == {(1, 7), (2, 8)}
+
+
+def test_straight_lines_are_no_copies_of_each_other(make_set: Make) -> None:
+    """Ramps of 30 rows: any is another scaled and offset, and none shows any noise."""
+    rng = np.random.default_rng(0)
+    ramp = np.arange(30.0)[:, None]
+    lines = tuple(np.asarray(ramp * rng.integers(1, 9, 6), np.float32) for _ in range(60))
+    touch = replace(make_set["array"](), rows=lines, time_s=(np.arange(30) / 20.0,) * 60)
+
+    assert not near_copies(replace(touch, rows=(*lines[:-1], 2 * lines[0])), {})[0]
 
 
 @pytest.mark.parametrize("write", [as_avi, as_folder])

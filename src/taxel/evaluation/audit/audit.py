@@ -32,6 +32,7 @@ from taxel.evaluation.audit.shared import (
     shared_names,
 )
 from taxel.evaluation.audit.sides import Sides
+from taxel.evaluation.audit.single import is_single, single_facts
 from taxel.evaluation.audit.touch_set import (
     SESSIONS,
     Pieces,
@@ -77,22 +78,8 @@ def audit(
     if run is not None:
         facts.append(scaled_run(case, run))
     on_step("copies")
-    same = same_rows(touch)
-    cut = cut_windows(touch)
-    copied = None if same is None else beside_windows(touch, same, cut)
-    facts.append(COPIES_UNKNOWN if copied is None else
-                 shared_copies(case, "duplicates", copied, "hold the same rows"))  # fmt: skip
-    facts.append(shared_copies(case, "cut with overlap", cut, _CUT, streams=True))
-    near, repeats, turned = near_copies(touch, {**cut, **(same or {})})
-    unseen = left_out(touch.rows)
-    if near or not repeats:
-        facts.append(shared_copies(case, "near-duplicates", near,
-                                   "are copies but for scale, offset or noise",
-                                   unseen))  # fmt: skip
-    else:
-        facts.append(repeated(repeats))
-    facts.append(shared_copies(case, "augmented copies", turned, "are copies turned round",
-                               unseen))  # fmt: skip
+    single = is_single(touch)
+    facts += single_facts(case) if single else _copies(case)
     on_step("scaling")
     facts.append(scaled_values(case))
     if case.sides is not None:
@@ -102,7 +89,7 @@ def audit(
     elif not touch.keys(SESSIONS):
         facts.append(SESSIONS_UNKNOWN)
     waiting: list[Reading | Gap] = []
-    for name, read in _READ.items():
+    for name, read in () if single else _READ.items():
         on_step(name)
         waiting.append(read(case))
     on_step("origins")
@@ -139,6 +126,28 @@ _CUT = "go on where another has begun: they were cut from one stream and overlap
 _READ: dict[str, Callable[[Case], Reading]] = {
     "length": read_length, "place": read_place, "first rows": read_first, "level": read_level,
 }  # fmt: skip
+
+
+def _copies(case: Case) -> list[Finding]:
+    """Return the findings on copies, and on windows that were cut from one stream."""
+    touch, facts = case.touch, list[Finding]()
+    same = same_rows(touch)
+    cut = cut_windows(touch)
+    copied = None if same is None else beside_windows(touch, same, cut)
+    facts.append(COPIES_UNKNOWN if copied is None else
+                 shared_copies(case, "duplicates", copied, "hold the same rows"))  # fmt: skip
+    facts.append(shared_copies(case, "cut with overlap", cut, _CUT, streams=True))
+    near, repeats, turned = near_copies(touch, {**cut, **(same or {})})
+    unseen = left_out(touch.rows)
+    if near or not repeats:
+        facts.append(shared_copies(case, "near-duplicates", near,
+                                   "are copies but for scale, offset or noise",
+                                   unseen))  # fmt: skip
+    else:
+        facts.append(repeated(touch, repeats))
+    facts.append(shared_copies(case, "augmented copies", turned, "are copies turned round",
+                               unseen))  # fmt: skip
+    return facts
 
 
 def make_case(touch: TouchSet, split: tuple[Pieces, Sides] | None, steps: int, seed: int) -> Case:

@@ -18,6 +18,7 @@ from itertools import combinations, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.evaluation.audit.affine import small_steps, up_to_rounding
 from taxel.evaluation.audit.noise import MANY, shared_noise
 from taxel.evaluation.audit.touch_set import TouchSet
 
@@ -36,6 +37,9 @@ SAME_NOISE = 0.7
 """Correlation of second differences from which two alike trials share their noise: copies with 5 %
 of noise added reach 0.8 and more, a machine's repeats with 1 % of noise 0.6. Our choice, decision
 23."""
+ENOUGH = 24
+"""Rows from which second differences show noise; of shorter trials they are mostly the course of
+the touch itself. Source: our choice, docs/decisions/0023."""
 _TENTH = 10
 _FAINT = 0.2
 """Size of a trial's change over the median one, below which it has no course. Our choice."""
@@ -140,8 +144,9 @@ def near_copies(touch: TouchSet, known: Pairs) -> tuple[Pairs, Pairs, Pairs]:
         other = _signatures(turn(courses))
         for pair, alike in _outliers(plain, other, plain, touch, index, known | straight).items():
             turned[pair] = max(alike, turned.get(pair, 0.0))
+    steps = small_steps(touch.rows) if straight else np.zeros(0)
     near = {pair: alike for pair, alike in straight.items()
-            if _same_noise(*(touch.rows[trial] for trial in pair))}  # fmt: skip
+            if _same_noise(touch.rows[pair[0]], touch.rows[pair[1]], steps)}  # fmt: skip
     shifted, backwards = shared_noise(touch.rows)
     for found, more in ((near, shifted), (turned, backwards), (turned, rows_backwards(touch))):
         fresh = more.keys() - known.keys() - near.keys() - found.keys()
@@ -149,14 +154,25 @@ def near_copies(touch: TouchSet, known: Pairs) -> tuple[Pairs, Pairs, Pairs]:
     return near, {pair: straight[pair] for pair in straight.keys() - near.keys()}, turned
 
 
-def _same_noise(first: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
-    """Return whether two trials share what changes from row to row, too; True where none does."""
+def _same_noise(
+    first: NDArray[np.float32], other: NDArray[np.float32], steps: NDArray[np.float64]
+) -> bool:
+    """Return whether two trials share what changes from row to row, too.
+
+    Short trials, and those whose rows lie on a straight line, show no noise: they do only where
+    the second is the first scaled and offset, up to rounding.
+
+    Args:
+        first: Shape (rows, channels).
+        other: Shape (rows, channels); rows beyond the shorter trial's are left out.
+        steps: The resolution of each channel, shape (channels,).
+    """
     n = min(len(first), len(other))
     fine = [np.diff(rows[:n].astype(np.float64), n=2, axis=0) for rows in (first, other)]
     spread = [np.linalg.norm(rows, axis=0) for rows in fine]
     alive = (spread[0] > 0) & (spread[1] > 0)
-    if not alive.any():
-        return True
+    if n < ENOUGH or not alive.any():
+        return len(first) == len(other) and up_to_rounding(first, other, steps)
     of_channel = (fine[0] * fine[1]).sum(axis=0)[alive] / (spread[0] * spread[1])[alive]
     return float(of_channel.mean()) >= SAME_NOISE
 

@@ -117,16 +117,26 @@ def read_first(case: Case) -> Reading:
                 f"({middle.accuracy:.3f}): something at the start gives it away.",
                 mend,
             )
-        if before and stands_still_first(touch):
-            return ("leak", f"The first {what} predicts the label, and trials stand still there "
-                    "before anything happens: drift or setting, not touch.", mend)  # fmt: skip
+        still = before and stands_still_first(touch)
+        if still and (why := _not_of_touch(case, first)):
+            return (
+                "leak",
+                f"The first {what} predicts the label, trials stand still there before anything "
+                f"happens, and {why}: drift or a setting, unless the sensor already lay around "
+                "the object.",
+                mend,
+            )
         if before:
+            stood = " after they stood still there" if still else ""
             return (
                 "hazard",
-                f"The first {what} predicts the label, and trials move away from it. If touch has "
-                "not begun there, it is drift or setting, and a leak; if it has, it may be touch "
-                f"itself (the middle one: {middle.accuracy:.3f}). The recordings do not say which.",
-                f"look whether trials begin before contact; if so, {mend}",
+                f"The first {what} predicts the label, and trials move away from it{stood}. Two "
+                "things do that, and the recordings do not say which. If the sensor does not yet "
+                f"touch in the first {what}, it is drift or a setting, and a leak. If it already "
+                "touches, or lies around the object (as the joint angles of a closed hand do), it "
+                f"may be touch itself (the middle {what}: {middle.accuracy:.3f}).",
+                "look at a video or at your protocol: was the object in contact when the recording "
+                f"began? If not, {mend}. If it was, state so, and print that control all the same",
             )
         return (
             "note",
@@ -236,17 +246,42 @@ def cropped(case: Case) -> tuple[float, str]:
                   f"{left:.3f} (whole trials: {whole:.3f}).")  # fmt: skip
 
 
+def _not_of_touch(case: Case, first: LabelEvidence) -> str:
+    """Return why a first row that trials leave after a still start is not touch; empty if it may.
+
+    Either what changes afterwards says little of the label, so that it sits in an offset, or the
+    label shows in what changes while trials still stand: drift.
+    """
+    left, early = _tared_evidence(case)
+    if _way(left) <= _way(first) / 2:
+        return f"what changes afterwards predicts it less well ({left.accuracy:.3f})"
+    if _way(early) >= MOSTLY * _way(first):
+        return f"so does what changes while they still stand ({early.accuracy:.3f})"
+    return ""
+
+
+def _tared_evidence(case: Case) -> tuple[LabelEvidence, LabelEvidence]:
+    """Return how well trials without their first row predict the label, and how well the row after
+    a tenth of each does; computed once in an audit.
+    """
+    rows = case.touch.rows
+    if "tared" not in case.known:
+        early = np.stack([own[max(1, len(own) // _TENTH)] - own[0] for own in rows])
+        whole = np.stack([sum_up(own - own[0]) for own in rows])
+        case.known["early"] = trial_evidence(case, early)
+        case.known["tared"] = trial_evidence(case, whole)
+    return case.known["tared"], case.known["early"]
+
+
 def tared(case: Case) -> tuple[float, str]:
     """Return what cheap trees reach once each trial's first row is taken from it, and in words
     also what the row after a tenth of the trial then predicts: drift goes on before contact.
     """
-    rows = case.touch.rows
-    left = trial_evidence(case, np.stack([sum_up(own - own[0]) for own in rows])).accuracy
-    early = np.stack([own[max(1, len(own) // _TENTH)] - own[0] for own in rows])
-    still = trial_evidence(case, early)
-    return left, (f"Tared by its first row, cheap trees reach {left:.3f}; the row after a tenth "
-                  f"of a trial, tared, still predicts {still.accuracy:.3f} "
-                  f"(majority {still.majority:.3f}).")  # fmt: skip
+    left, still = _tared_evidence(case)
+    return left.accuracy, (
+        f"Tared by its first row, cheap trees reach {left.accuracy:.3f}; the row after a tenth "
+        f"of a trial, tared, still predicts {still.accuracy:.3f} "
+        f"(majority {still.majority:.3f}).")  # fmt: skip
 
 
 def leaves_its_start(touch: TouchSet) -> bool:
@@ -267,7 +302,8 @@ def leaves_its_start(touch: TouchSet) -> bool:
 def stands_still_first(touch: TouchSet) -> bool:
     """Return whether most trials stand still at first and then leave fast, as at an onset.
 
-    A press that has begun leaves slowly, a hold that settles at once.
+    A press that has begun leaves slowly, a hold that settles at once. Still trials need not be
+    free of touch: a hand may lie around an object before it squeezes.
     """
     spread = _spread(touch)
     found = []

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadTable
-from taxel.evaluation.audit.touch_set import TouchSet, checked, joined
+from taxel.evaluation.audit.touch_set import LEAST_ROWS, TouchSet, checked, joined
 from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.imports.footage import open_footage
 from taxel.recordings.imports.importing import import_rows
@@ -35,8 +35,6 @@ MOST = 50_000_000
 """Values that are held, 200 MB; a row counts as eight at least. Our choice, docs/decisions/0023."""
 LEAST_RATE_HZ = 150.0
 """Arrays faster than this are thinned by two, and again, where a set holds more."""
-LEAST_ROWS = 3
-"""A shorter trial shows neither a start nor a change."""
 _SLACK_S = 1e-6
 _VIDEO_HZ = 25.0
 """Nominal, of a GelSight Mini; only the order of a video's frames matters here."""
@@ -110,6 +108,9 @@ def read_both(
     """
     first = read_touch(path, target, on_progress)
     second = read_touch(test, first.target, on_progress, least=False)
+    if len({max(map(len, touch.rows)) < LEAST_ROWS for touch in (first, second)}) > 1:
+        raise BadDataset(f"trials of at least {LEAST_ROWS} rows in both folders, or in none",
+                         "single readings in one of them", "cut both alike")  # fmt: skip
     return joined(first, second), len(first)
 
 
@@ -269,25 +270,39 @@ def _small_video(path: Path) -> NDArray[np.float32]:
     return np.array(rows, np.float32).reshape(len(rows), _SQUARES)
 
 
+def _spans(read: _Read) -> Iterator[tuple[Trial, slice]]:
+    """Yield a recording's trials, and their rows."""
+    if not len(read.rows):
+        return
+    bounds = float(read.time_s[0]), float(read.time_s[-1])
+    for trial in trials_of(Path(read.name), read.manifest, read.marks, *bounds):
+        ends = (trial.start_s - _SLACK_S, trial.end_s + _SLACK_S)
+        yield trial, slice(*np.searchsorted(read.time_s, ends).tolist())
+
+
+def _least_rows(reads: Sequence[_Read], kind: str) -> int:
+    """Return how many rows a trial needs: one where an array's trials are all single readings."""
+    if kind == "camera" or any(
+        inside.stop - inside.start >= LEAST_ROWS for read in reads for _, inside in _spans(read)
+    ):
+        return LEAST_ROWS
+    return 1
+
+
 def _assemble(
     reads: Sequence[_Read], kind: str, target: str | None, views: tuple[str, ...]
 ) -> TouchSet:
     trials: list[Trial] = []
     rows, times, created, files = [], [], [], []
-    short = 0
+    short, least = 0, _least_rows(reads, kind)
     for read in reads:
         if read.rows.shape[1] != len(views):
             raise BadDataset(f"{len(views)} channels in every recording",
                              f"{read.rows.shape[1]} in {read.name}",
                              "put recordings of different sensors into different folders",
                              )  # fmt: skip
-        if not len(read.rows):
-            continue
-        bounds = float(read.time_s[0]), float(read.time_s[-1])
-        for trial in trials_of(Path(read.name), read.manifest, read.marks, *bounds):
-            ends = (trial.start_s - _SLACK_S, trial.end_s + _SLACK_S)
-            inside = slice(*np.searchsorted(read.time_s, ends))
-            if inside.stop - inside.start < LEAST_ROWS:
+        for trial, inside in _spans(read):
+            if inside.stop - inside.start < least:
                 short += 1
                 continue
             trials.append(trial)
@@ -297,16 +312,19 @@ def _assemble(
             files.append(read.files)
     what = "frames" if kind == "camera" else "rows"
     if short and not trials:
-        mend = "readings under splits of their groups: taxel train --split group:KEY"
-        if kind == "camera":
-            mend = "images under splits of their groups: taxel evaluate-trials --split group:KEY"
         raise BadDataset(
-            f"trials of at least {LEAST_ROWS} {what}, to look for copies, drift and leaks in",
-            f"{short} trials, all shorter", f"judge single {mend}",
+            f"trials of at least {least} {what}, to look for copies, drift and leaks in",
+            f"{short} trials, all shorter", "judge single images under splits of their groups: "
+            "taxel evaluate-trials --split group:KEY" if kind == "camera" else
+            "mend the times of the trials",
         )  # fmt: skip
     target, notes = _target(trials, target)
+    if least < LEAST_ROWS:
+        notes += (f"all trials have fewer than {LEAST_ROWS} rows, so what needs a course in time is"
+                  " not checked: length, place, first row, level, windows, copies turned round",
+                  )  # fmt: skip
     if short:
-        notes += (f"{short} trials have fewer than {LEAST_ROWS} {what}: left out",)
+        notes += (f"{short} trials have fewer than {least} {what}: left out",)
     every = {read.name: read.every for read in reads if read.every > 1}
     if every:
         rate = " or ".join(map(str, sorted(set(every.values()))))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.evaluation.audit.case import Case
-from taxel.evaluation.audit.copies import Pairs
+from taxel.evaluation.audit.copies import ENOUGH, Pairs
 from taxel.evaluation.audit.evidence import majority, trial_folds
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.names import several
@@ -259,13 +259,19 @@ def _named(touch: TouchSet, pairs: Pairs) -> list[str]:
     ]
 
 
-def repeated(pairs: Pairs) -> Finding:
+def repeated(touch: TouchSet, pairs: Pairs) -> Finding:
     """Return the finding on trials that are alike but for noise of their own."""
+    short = any(len(touch.rows[trial]) < ENOUGH for pair in pairs for trial in pair)
+    doubt = f" In trials of fewer than {ENOUGH} rows noise cannot be distinguished from touch, " \
+            "so this is not decided." if short else ""  # fmt: skip
+    names = _named(touch, pairs)
     return Finding(
         kind="near-duplicates", verdict="note",
         said=f"{len(pairs)} pairs of trials are alike but for noise: a machine's repeats of one "
-             "touch, or copies with noise added.",
+             f"touch, or copies with noise added.{doubt}",
         mend="if they are copies, keep one of each; if repeats, say so, and hold out whole objects",
+        examples=tuple(f"{names[a]} and {names[b]} ({100 * pairs[a, b]:.1f} % alike)"
+                       for a, b in _foremost(touch, pairs)),
     )  # fmt: skip
 
 

@@ -33,6 +33,9 @@ TIMES = SESSIONS[:6]
 LEAST_TRIALS = 8
 """Fewer labelled trials allow no statement. Source: our choice, docs/decisions/0023."""
 
+LEAST_ROWS = 3
+"""A shorter trial shows neither a start nor a change. Source: our choice, docs/decisions/0023."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchSet:
