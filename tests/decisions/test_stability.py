@@ -153,6 +153,20 @@ def test_a_reset_monitor_knows_nothing() -> None:
     )
 
 
+def test_a_clock_set_back_is_noticed_behind_unusable_input_and_twice_in_a_row() -> None:
+    """An alarm stands meanwhile, so that what is shown says whether it was noticed."""
+    monitor = StabilityMonitor(CONFIG)
+    for i in range(3):
+        monitor.push(1.0, i / 10)
+    monitor.push(math.nan, 0.6, usable=False)
+
+    back = [monitor.push(0.0, time_s) for time_s in (0.4, 0.2)]
+
+    assert [decision.state for decision in back] == [UNKNOWN, UNKNOWN]
+    assert all(decision.reason == REASONS["time stepped back"].say() for decision in back)
+    assert monitor.push(0.0, 0.3).state is UNSTABLE
+
+
 @given(
     st.lists(
         st.tuples(

@@ -118,7 +118,8 @@ class StabilityMonitor:
         self._decision = StabilityDecision(
             Stability.UNKNOWN, REASONS["no input"].say(), float("nan"), float("nan")
         )
-        self._last_s: float | None = None
+        self._last_s: float | None = None  # of the newest input that could be used
+        self._newest_s: float | None = None  # of any input
         self._value = float("nan")
         self._same_since_s = float("nan")
         self._restart()
@@ -180,7 +181,8 @@ class StabilityMonitor:
         config = self._config
         if not math.isfinite(time_s):
             return REASONS["no time"].say()
-        if self._last_s is not None and time_s < self._last_s:
+        newest_s, self._newest_s = self._newest_s, time_s
+        if newest_s is not None and time_s < newest_s:
             self._last_s = None  # a clock that was set back is believed from here on
             return REASONS["time stepped back"].say()
         if not now_s - time_s <= config.largest_age_s:
