@@ -75,7 +75,7 @@ def test_a_bundle_says_what_it_predicts_from_what_and_how_well(
     assert "12 channels in V, windows of 12 scans" in printed
     assert "accuracy, session held out 0.77" in printed
     assert "not signed" in printed
-    assert "guessing evenly among 10 classes gives 0.10" in printed
+    assert "uniform guessing among 10 classes gives 0.10" in printed
     assert "recordings with SHA-256 000000000000…" in printed
 
     Info(tmp_path / "trials.json.taxel").run()

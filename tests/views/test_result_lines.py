@@ -59,9 +59,9 @@ def test_what_was_not_tried_is_named():
 
     said = " ".join(printed(leaderboard(choice), 200).split())
 
-    assert ("6 not tried, for the time was up: TouchNet, perceptrons 3 on all features, "
-            "extra-trees 2 on tared features, logistic regression 0.03 on tared features …; all "
-            "are in expert.json") in said  # fmt: skip
+    assert ("6 not tried, because the time was up: TouchNet, perceptrons 3 on all features, "
+            "extra-trees 2 on tared features, logistic regression 0.03 on tared features …; "
+            "expert.json lists all") in said  # fmt: skip
     assert "not tried" not in printed(leaderboard(choice, repeated=True), 200)
 
 
@@ -113,7 +113,7 @@ def test_train_says_which_share_of_windows_live_would_name():
 
 
 def test_baselines_that_have_nothing_to_go_by_are_not_in_the_table():
-    line = "nothing to go by here: place in the trial, length of the trial, session"
+    line = "carry no information here: place in the trial, length of the trial, session"
     assert line in shown(judged(0.8))
     assert "channel means" in shown(judged(0.8))
     text = shown(judged(0.8, windows_a_trial=3, shared=True))

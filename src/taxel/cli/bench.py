@@ -18,7 +18,7 @@ from taxel.errors import BadInput
 
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """Measure what taxel promises, in this run, on this machine."""
+    """Measure taxel's performance on this machine, and print each figure beside its goal."""
 
     name: tyro.conf.Positional[
         Literal[
@@ -38,7 +38,7 @@ class Bench:
     full: bool = False
     """Also measure what takes longer than a few minutes, and keep all rows with a stamp."""
     only: str = ""
-    """Only the measurements whose name holds this text; rows kept of others stay as they are."""
+    """Only the measurements whose name holds this text; stored rows of others are kept."""
     data: Path | None = None
     """Folder that holds teng-glove/, icub-grasp/ and gelsight-slip/, for --full."""
     store: Path | None = None

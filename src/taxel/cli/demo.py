@@ -47,7 +47,7 @@ class Demo:
         simulate_presets(self.output, ("honest",), self.scans_per_class, self.seed)
         self._say(2, "train and compare", "Table 4.1 of the thesis, on both splits")
         self._table()
-        self._say(3, "bundle", "one file a recogniser, checked against PyTorch")
+        self._say(3, "bundle", "one file per recogniser, checked against PyTorch")
         bundles = [self._bundle(task) for task in ("shape", "material")]
         self._say(4, "live", f"{self.live_seconds:g} s of grasps, in a session it has never seen")
         self._live(bundles)

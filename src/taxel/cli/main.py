@@ -107,8 +107,8 @@ VERBS = {verb: text for own in SECTIONS.values() for verb, text in own.items()}
 
 KINDS = {
     "simulate": {
-        "teng": "the TENG hand: one recording a session",
-        "cup-pour": "two tactile cameras hold a cup that is filled: one recording a pour",
+        "teng": "the TENG hand: one recording per session",
+        "cup-pour": "two tactile cameras hold a cup that is filled: one recording per pour",
     },
     "export": {
         "lerobot": "a LeRobot data set, version 3.0: touch and JPEG images, labels as tasks",

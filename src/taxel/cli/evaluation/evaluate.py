@@ -38,8 +38,8 @@ class Evaluate:
     """
 
     data: tyro.conf.Positional[Path]
-    """A folder of recordings of an array; or a bundle, NAME.taxel, which runs on the
-    processor, or where $TAXEL_DEVICE says, such as cuda."""
+    """A folder of recordings of an array, a table (CSV) of camera trials, or a bundle, NAME.taxel,
+    which runs on the processor, or on the device that $TAXEL_DEVICE names, such as cuda."""
     recordings: tyro.conf.Positional[Path | None] = None
     """With a bundle: the recordings to score it on."""
     split: str | None = None

@@ -32,7 +32,7 @@ class Bundle:
     """The file to write, usually NAME.taxel; with --board a folder, such as a copy of
     firmware/teng_classify. An older bundle there is replaced."""
     sign: Path | None = None
-    """Sign it with this private key, an Ed25519 key of OpenSSH's form, so that whoever trusts its
+    """Sign it with this private key, an Ed25519 key in OpenSSH format, so that whoever trusts its
     public key can refuse all others."""
     new_key: Path | None = None
     """Alone: write a new private key to this file, and its public key to the same name with .pub.
@@ -44,11 +44,11 @@ class Bundle:
     """Also write C that predicts on the board itself: mega, the Arduino Mega 2560 (networks of the
     model cnn2d)."""
     data: Path | None = None
-    """Recordings to measure parity on, and with --board the scales of 8 bits; those that the run
-    was trained on unless given."""
+    """Recordings to measure parity on and, with --board, to fit the 8-bit quantisation; those that
+    the run was trained on unless given."""
     test: Path | None = None
-    """With --board: labelled recordings that the network has not seen, to measure on what 8 bits
-    lose; those of --data unless given."""
+    """With --board: labelled recordings that the network has not seen, to measure the accuracy that
+    8-bit quantisation costs; those of --data unless given."""
     reference_mv: int | None = None
     """With --board: the voltage that its converter compares with, millivolts, such as 5000, or
     3300 with 3.3 V on the pin AREF; as the recordings say unless given."""

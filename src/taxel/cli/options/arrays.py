@@ -27,8 +27,8 @@ class RecipeOptions:
 
     recipe: str | None = None
     """Name of a set of settings (window, model, training), such as teng or array; unless given,
-    teng for the TENG hand and array for other arrays. Training without a recipe, model, window or
-    epochs searches for the settings instead."""
+    teng for the TENG hand and array for other arrays. train searches for the settings instead
+    where neither recipe, model, window nor epochs are given."""
     target: str | None = None
     """The label to predict, such as shape, material, sign or object, or two joined:
     shape+material. Unless given: the recipe's, or the only label that the recordings have."""

@@ -28,7 +28,7 @@ LEROBOT = "lerobot"
 
 @dataclass(frozen=True)
 class Import:
-    """Turn tables of values, files of arrays, or videos, into recordings, one for each trial.
+    """Turn data files or videos into recordings, one for each trial, as a table describes them.
 
     For arrays, the import table is a CSV with one row for each file: a text (.csv, .tsv, .txt
     or .dat, gzip-packed or not) or .npy. Its columns: file (relative to the table); label:NAME and

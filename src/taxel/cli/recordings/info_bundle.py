@@ -135,7 +135,11 @@ def _measured(values: Mapping[str, float], before: str = "") -> str:
 
 
 def _chance(classes: tuple[str, ...]) -> str:
-    return f"; guessing evenly among {len(classes)} classes gives {1 / len(classes):.2f}"
+    share = 1 / len(classes)
+    return (
+        f"; uniform guessing among {len(classes)} classes gives {share:.2f}, "
+        "the majority class may give more"
+    )
 
 
 def _data(digest: str) -> str:

@@ -51,7 +51,7 @@ class Record:
     overwrite: bool = False
     """Replace an existing recording."""
     json: bool = False
-    """Print the ledger as JSON."""
+    """Print the counts (scans; lost, unusable and saturated values) as JSON."""
 
     RULES: ClassVar = (
         Only(("tare", "gripper", "ask", "page"), "--plan", lambda o: o.plan is not None),

@@ -46,11 +46,11 @@ STEADY_BEHIND, STEADY_SLACK = 2.0, 0.1
 
 
 _MEAN = (
-    "the mean of the best of each kind of model that is not far behind, logistic regression and "
-    "perceptrons only where clearly ahead of discriminants; none is better than this mean by more "
-    "than chance, and groups to come may suit another kind"
+    "the mean of the best model of each kind that is not far behind (logistic regression and "
+    "perceptrons only if clearly better than discriminants); no single model is better by more "
+    "than chance, and the mean is safer for new groups"
 )
-_ALONE = "the best model, for all other kinds are far behind it"
+_ALONE = "the best model alone, because all other kinds are far behind"
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,8 +28,8 @@ SHOWN = 12
 KINDS = 4
 """Kinds of models that are named of those that were not tried; expert.json names all."""
 SETTINGS = (
-    "behind a model stands its setting: a discriminant's shrinkage, C of logistic regression, "
-    "least windows in a leaf of trees, penalty of perceptrons"
+    "the number after a model is its setting: shrinkage (discriminants), C (logistic regression), "
+    "smallest number of windows in a leaf (trees), penalty (perceptrons)"
 )
 
 
@@ -70,8 +70,8 @@ def leaderboard(choice: Choice, *, repeated: bool = False) -> RenderableType:
         count = len(choice.left_out)
         lines.append(
             Text(
-                f"{count} not tried, for the time was up: {_first_kinds(choice.left_out)}; all are "
-                "in expert.json; --minutes allows more"
+                f"{count} not tried, because the time was up: {_first_kinds(choice.left_out)}; "
+                "expert.json lists all; --minutes allows more"
             )
         )
     return Group(table, *lines)
@@ -114,7 +114,7 @@ def nested_table(nested: Nested) -> RenderableType:
     lines = [Text(f"{over}{interval.low:.4f} … {interval.high:.4f}{_all_right(nested)}")]
     if blind:
         hidden = ", ".join(blind)
-        text = f"baselines not shown, for they have nothing to go by here: {hidden}"
+        text = f"baselines not shown, because they carry no information here: {hidden}"
         lines.append(Text(text, style="dim"))
     if said := only_one(scores.lone, scores.group):
         lines.append(Text(visible_line(said), style="yellow"))
@@ -131,7 +131,7 @@ def _all_right(nested: Nested) -> str:
     if trials.accuracy < 1.0:
         return ""
     least = least_of_all_right(trials.trials)
-    return f"; all {trials.trials} trials right: by their number alone at least {least:.3f}"
+    return f"; all {trials.trials} trials right; for so many, the 95 % lower bound is {least:.3f}"
 
 
 def expert_report(expert: Expert) -> RenderableType:
