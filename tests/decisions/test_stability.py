@@ -167,6 +167,16 @@ def test_a_clock_set_back_is_noticed_behind_unusable_input_and_twice_in_a_row() 
     assert monitor.push(0.0, 0.3).state is UNSTABLE
 
 
+def test_input_that_froze_before_the_clock_was_set_back_is_never_stable_for_long() -> None:
+    monitor = StabilityMonitor(CONFIG)
+    for i in range(3):
+        monitor.push(0.1 + i * 1e-3, 1000 + i / 10)
+    back = [monitor.push(0.102, 400 + i / 10).state for i in range(20)]
+
+    assert back[0] is UNKNOWN
+    assert back[-1] is UNKNOWN
+
+
 @given(
     st.lists(
         st.tuples(

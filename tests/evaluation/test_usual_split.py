@@ -109,7 +109,9 @@ def test_where_nothing_can_be_held_out_the_finest_groups_say_why() -> None:
     trials = [replace(trial, labels={"shape": "odd" if n == 0 else "c0"})
               for n, trial in enumerate(dataset.trials)]  # fmt: skip
 
-    message = "at least two trials of every class of 'shape'.*got one of 'odd' .*elsewhere"
+    message = (
+        "at least two trials of every class of 'shape'.*got one of 'odd' .*leave that trial out"
+    )
     with pytest.raises(BadSplit, match=message):
         usual_split(replace(dataset, trials=tuple(trials)), "shape", 5, 0)
 

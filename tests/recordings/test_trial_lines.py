@@ -79,4 +79,21 @@ def test_a_column_that_counts_the_lines_is_doubted(tmp_path) -> None:
     row = ROW.replace(" rows:3", "")
     import_row(tmp_path, row, header=HEADER, notes=notes)
 
-    assert any("id counts the lines, and * made a channel of it" in note for note in notes)
+    assert any(
+        "the column id counts the lines, and * made a channel of it" in note for note in notes
+    )
+
+
+def test_a_label_that_is_named_by_its_number_is_no_channel(tmp_path) -> None:
+    row = ROW.replace(" rows:3", "").replace("from:fruit", "from:1").replace("from:day", "mon")
+    made = bring(tmp_path, row, "depth,a,b\n3,1.5,2\n4,2.5,2\n3,4.5,7\n")
+
+    assert read_recording(made[1]).manifest.sensor.channels == ("a", "b")
+    assert read_recording(made[1]).manifest.labels == {"fruit": "4"}
+
+
+def test_scans_side_by_side_may_have_the_same_names(tmp_path) -> None:
+    row = "all.csv,trials rows:2 channels,kiwi,mon,1[N] 2[N] 3[N] 4[N],rate:50Hz"
+    made = bring(tmp_path, row, "a,b,a,b\n1,2,3,4\n5,6,7,8\n")
+
+    np.testing.assert_array_equal(read_recording(made[1]).samples.values, [[5, 6], [7, 8]])

@@ -106,7 +106,7 @@ def test_train_says_which_share_of_windows_live_would_name():
     first_two = np.concatenate([sure.probabilities[:2], unsure.probabilities[2:]])
     silent, half = shown(unsure), shown(replace(sure, probabilities=first_two))
 
-    assert "warning: live would name 0.0 % of these test windows, it answers UNKNOWN" in silent
+    assert "warning: live would answer UNKNOWN to all of these test windows, as its" in silent
     assert "confidence is below 0.5" in silent
     assert "\nlive would name 50.0 % of these test windows, 50.0 % of them rightly;" in half
     assert "live would name" not in shown(judged(0.8))

@@ -183,7 +183,8 @@ class StabilityMonitor:
             return REASONS["no time"].say()
         newest_s, self._newest_s = self._newest_s, time_s
         if newest_s is not None and time_s < newest_s:
-            self._last_s = None  # a clock that was set back is believed from here on
+            # A clock that was set back is believed from here on.
+            self._last_s, self._value, self._same_since_s = None, float("nan"), float("nan")
             return REASONS["time stepped back"].say()
         if not now_s - time_s <= config.largest_age_s:
             return REASONS["old"].say(age_s=now_s - time_s)

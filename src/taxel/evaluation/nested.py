@@ -69,7 +69,7 @@ class Nested:
         """What must be said where the accuracy is not clear of trivial baselines."""
         scores = self.scores
         interval = scores.intervals[scores.group]
-        if self.by_trial.accuracy == 1.0:  # resampled, it has no width
+        if scores.scores.accuracy == self.by_trial.accuracy == 1.0:  # resampled, it has no width
             least = least_of_all_right(self.by_trial.trials)
             interval = replace(interval, low=min(interval.low, least))
         return baseline_warning(

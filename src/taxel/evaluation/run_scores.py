@@ -223,10 +223,13 @@ def unnamed_line(predictions: Predictions) -> str | None:
     share = float(named.mean())
     if share > 1.0 - LEAST_UNNAMED:
         return None
-    right = f"{100 * predictions.correct[named].mean():.1f} % of them rightly; " if share else ""
+    asked = f"as its confidence is below {least:g} (taxel live --least-confidence)"
+    if not share:
+        return f"warning: live would answer UNKNOWN to all of these test windows, {asked}"
+    right = f"{100 * predictions.correct[named].mean():.1f} % of them rightly"
     said = (
-        f"live would name {100 * share:.1f} % of these test windows, {right}it answers UNKNOWN "
-        f"to the others, as its confidence is below {least:g} (taxel live --least-confidence)"
+        f"live would name {100 * share:.1f} % of these test windows, {right}; it answers UNKNOWN "
+        f"to the others, {asked}"
     )
     return f"warning: {said}; record more" if share < FEW_NAMED else said
 

@@ -182,11 +182,13 @@ def by_group(
                 MORE_WINDOWS,
             )
         if classes.count(name) < 2:
-            (alone,) = (t for t, c in zip(dataset.trials, classes, strict=True) if c == name)
+            alone = dataset.trials[classes.index(name)]
+            unseen = [t for t in empty if t.labels.get(target) == name]
             raise BadSplit(
                 f"at least two trials of every class of {target!r}, to learn from and to test",
-                f"one of {name!r} ({alone.recording})",
-                f"record {name!r} again, or move that recording elsewhere",
+                f"one of {name!r} ({alone.recording}, from {alone.start_s:.1f} s)"
+                + (f": {no_window(unseen, 'its other trials')}" if unseen else ""),
+                MORE_WINDOWS if unseen else f"record {name!r} again, or leave that trial out",
             )
         if len(own) < 2:
             raise BadSplit(

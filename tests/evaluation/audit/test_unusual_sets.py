@@ -129,6 +129,19 @@ def test_single_readings_that_meet_by_chance_are_not_checked(
     assert found["near-duplicates"].verdict in ("clear", "not checked")
 
 
+def test_light_touches_in_counts_are_no_copies_of_each_other(make_set: Make) -> None:
+    """Each channel rests at a level of its own, which scale and offset meet in any two readings."""
+    touch = make_set["array"]()
+    rng = np.random.default_rng(0)
+    counts = rng.integers(100, 900, 30) + rng.normal(0, 0.5, (len(touch), 30))
+    for trial, number in enumerate(touch.y):
+        counts[trial, number * 8 : number * 8 + 6] += 6 * rng.uniform(0.5, 1)
+    rows = tuple(np.round(own)[None].astype(np.float32) for own in counts)
+    light = replace(touch, rows=rows, views=("array",) * 30, time_s=(np.zeros(1),) * len(touch))
+
+    assert not audit(light, "x").alarms
+
+
 def test_one_taxel_that_answers_is_no_copy_of_another_force() -> None:
     """All others stay at zero: scale alone makes any such reading of any other."""
     first, other = np.zeros((2, 16), np.float32)
@@ -162,7 +175,7 @@ def test_sessions_on_both_sides_are_a_leak_though_pads_are_held_out(make_set: Ma
     assert found["same session"].verdict == "leak"
 
 
-def test_dealtscaled_each_by_itself_are_no_leak(make_set: Make) -> None:
+def test_trials_scaled_each_by_itself_are_no_leak(make_set: Make) -> None:
     """Nothing of a test trial stands in a training trial; over all rows it does."""
     touch = make_set["array"]()
     own = tuple((r - r.mean(axis=0)) / r.std(axis=0) for r in touch.rows)
@@ -226,7 +239,7 @@ def test_a_trial_copied_often_is_found(make_set: Make) -> None:
     assert len(same_rows(copied)) == 15 * 14 / 2
 
 
-def test_a_file_that_holds_several_sessions_is_only_how_dealtare_stored(make_set: Make) -> None:
+def test_a_file_that_holds_several_sessions_is_only_how_trials_are_stored(make_set: Make) -> None:
     """A table a class, with sessions named in it; without sessions the file tells the class."""
     touch = make_set["array"]()
     stored = grouped(touch, lambda i: {"recording": touch.trials[i].labels["shape"]})

@@ -21,6 +21,9 @@ Source: our choice, docs/decisions/0023."""
 SMALL = 10.0
 """Percentile of the steps between a channel's values that is its resolution. Source: our choice,
 docs/decisions/0023."""
+_HALF = 0.6
+"""Steps that rounding moves a value by, at most: half a one, and what the fit of scale and offset
+adds. Source: our choice, docs/decisions/0023."""
 _FLOAT = 8.0
 """Rounding of 32-bit values, in units of their last place."""
 
@@ -61,7 +64,7 @@ def up_to_rounding(
     size = (a * a).sum(axis=0)
     scale = (a * b).sum(axis=0) / np.where(size > 0, size, 1.0)
     exact = _float_error(own) * np.abs(scale) + _float_error(copy)
-    rounding = steps * (1.0 + np.abs(scale)) + exact
+    rounding = _HALF * steps * (1.0 + np.abs(scale)) + exact
     if (np.abs(b - scale * a) > rounding).any():
         return False
     bent = np.abs(np.diff(copy, n=2, axis=0)).max(axis=0, initial=0.0) > CLEAR * rounding
@@ -85,7 +88,7 @@ def scaled_over_channels(
     scale = (a @ b) / max(float(a @ a), np.finfo(float).tiny)
     exact = _FLOAT * np.finfo(np.float32).eps * (np.abs(own).max() * abs(scale)
                                                  + np.abs(copy).max())  # fmt: skip
-    rounding = steps * (1.0 + abs(scale)) + exact
+    rounding = _HALF * steps * (1.0 + abs(scale)) + exact
     if (np.abs(b - scale * a) > rounding).any():
         return False
     levels = np.unique(np.round(copy / max(CLEAR * float(rounding.max()), np.finfo(float).tiny)))

@@ -318,6 +318,11 @@ def _assemble(
             "taxel evaluate-trials --split group:KEY" if kind == "camera" else
             "mend the times of the trials",
         )  # fmt: skip
+    if short > len(trials):
+        raise BadDataset(
+            f"trials of at least {least} {what}, or single readings alone",
+            f"{short} shorter ones beside {len(trials)}", "put them into different folders",
+        )  # fmt: skip
     target, notes = _target(trials, target)
     if least < LEAST_ROWS:
         notes += (f"all trials have fewer than {LEAST_ROWS} rows, so what needs a course in time is"

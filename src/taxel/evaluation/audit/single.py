@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.evaluation.audit.affine import LEAST, scaled_over_channels, small_steps
+from taxel.evaluation.audit.affine import CLEAR, LEAST, scaled_over_channels, small_steps
 from taxel.evaluation.audit.case import Case
 from taxel.evaluation.audit.copies import Pairs, overlap
 from taxel.evaluation.audit.finding import Finding
@@ -104,6 +104,9 @@ def scaled_readings(values: Table, chosen: NDArray[np.intp]) -> Pairs:
         chosen: Trials that are compared, shape (m,).
     """
     steps = small_steps((values,))
+    # At rest or lightly touched, all readings are alike: their channels' own levels.
+    moved = np.abs(values[chosen] - np.median(values, axis=0)) > CLEAR * steps
+    chosen = chosen[np.count_nonzero(moved, axis=1) >= LEAST]
     own = values[chosen].astype(np.float64)
     own -= own.mean(axis=1, keepdims=True)
     size = np.linalg.norm(own, axis=1, keepdims=True)

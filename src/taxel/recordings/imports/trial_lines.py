@@ -25,8 +25,10 @@ from taxel.recordings.imports.tables import (
     parse_time,
     read_table,
 )
-from taxel.recordings.imports.trial_sets import MOST_TRIALS, Padding
+from taxel.recordings.imports.trial_sets import MOST_TRIALS, Padding, header_names
 
+_ENOUGH_LINES = 3
+"""From which on a column can be seen to count them. Source: our choice, docs/decisions/0011."""
 _MOST_SCANS = 100_000
 """In a line. Source: our choice, docs/decisions/0011."""
 
@@ -88,10 +90,10 @@ class LineTrials:
     ) -> None:
         self._path, self.what, self._called = path, "", visible(named["file"])
         self._axes = _axes_of(named.get("axes", ""), where)
-        self._time = parse_time(named.get("time", ""), where)
-        if self._time.rate_hz is None:
+        if not named.get("time", "").startswith("rate:"):
             raise BadTable("a rate, as in rate:100Hz, for a text with a trial in each line",
-                           f"{named['time'][:80]!r} in {where}", "write it")  # fmt: skip
+                           f"{named.get('time', '')[:80]!r} in {where}", "write it")  # fmt: skip
+        self._time = parse_time(named["time"], where)
         if named.get("trials"):
             raise BadTable(
                 "an empty column 'trials' where axes say that each line is a trial",
@@ -100,7 +102,7 @@ class LineTrials:
         self.names = text_names(path, names)
         self._names, self._columns = list(names), parse_columns(named.get("channels", ""), where)
         self._all = [column.name for column in self._columns] == [ALL]
-        self._first_line, rows = text_cells(path, self._names or self.names[:1])
+        self._first_line, rows = text_cells(path, self._names)
         self._cells = [cells[: len(names)] for cells in rows]
         count = len(self._cells)
         if not count:
@@ -151,11 +153,11 @@ class LineTrials:
     def _read(self, missing: Missing) -> Table:
         """Return all lines, with the names and units of the channels of one scan."""
         found = read_table(self._path, self._columns, self._time, missing, in_trials=True,
-                           but=self._names)  # fmt: skip
+                           but=header_names(self._names, self.names))  # fmt: skip
         scans, count = self._axes.scans, len(found.names)
-        if self._all and (odd := self._numbers_of_lines(found)):
-            self.doubts.append(odd)
         if scans == 1:
+            if self._all and (odd := self._numbers_of_lines(found)):
+                self.doubts.append(odd)
             return found
         if count % scans:
             raise BadTable(
@@ -175,13 +177,15 @@ class LineTrials:
     def _numbers_of_lines(self, found: Table) -> str:
         """Return a remark on columns that * took for channels, but that may count the lines."""
         steps = np.diff(found.values, axis=0)
-        odd = (steps == 1).all(axis=0) if len(steps) else np.zeros(len(found.names), bool)
-        names = [visible(name) for name, is_odd in zip(found.names, odd, strict=True) if is_odd]
-        if not names:
+        if len(steps) < _ENOUGH_LINES - 1:
             return ""
+        places = np.flatnonzero((steps == 1).all(axis=0)).tolist()
+        if not places:
+            return ""
+        name = visible(found.names[places[0]]) or str(places[0] + 1)
         return (
-            f"{self._called}: {', '.join(names[:8])} counts the lines, and * made a channel of it; "
-            f"if this is no touch, say from:{names[0]} in a column group:NAME, or name the channels"
+            f"{self._called}: the column {name} counts the lines, and * made a channel of it; if "
+            f"this is no touch, say from:{name} in a column group:NAME, or name the channels"
         )
 
     def close(self) -> None:

@@ -25,7 +25,7 @@ from taxel.recordings.imports.tables import (
     parse_time,
     read_table,
 )
-from taxel.recordings.imports.trial_sets import AND, MOST_TRIALS, Padding
+from taxel.recordings.imports.trial_sets import AND, MOST_TRIALS, Padding, header_names
 from taxel.recordings.time_stamps import stamp_s
 
 
@@ -76,7 +76,7 @@ class TextTrials:
         anew = RESTARTS in keys and RESTARTS not in header
         asked = [self._time_name(where) if anew and name == RESTARTS else name for name in keys]
         self._all = [column.name for column in columns] == [ALL]
-        self._described = {*keys, *names, *by_row}
+        self._described = header_names([*keys, *names, *by_row], header)
         self._columns = columns
         first_line, rows = text_cells(path, [*asked, *names, *by_row])
         if anew:

@@ -59,7 +59,8 @@ def trial_tables(
     if ours.places:
         rows = [
             (f"{result.name}, {place} crop", scores)
-            for result in results[:2]
+            for result in results
+            if result is ours or result.name in [own.other for own in differences]
             for place, scores in zip(PLACES, result.places, strict=True)
         ]
         parts.append(_table("by one crop alone", rows))
