@@ -116,6 +116,17 @@ def test_where_nothing_can_be_held_out_the_finest_groups_say_why() -> None:
         usual_split(replace(dataset, trials=tuple(trials)), "shape", 5, 0)
 
 
+def test_a_class_whose_other_trials_gave_no_window_is_not_said_to_lack_trials() -> None:
+    dataset = regrouped(lambda n: {"person": f"p{n % 3}"})
+    trials = [replace(trial, labels={"shape": "odd" if n == 0 else "c0"})
+              for n, trial in enumerate(dataset.trials)]  # fmt: skip
+    lost = replace(trials[0], recording="lost.mcap")
+
+    with pytest.raises(BadSplit, match=r"got one of 'odd' .*: .*window") as caught:
+        usual_split(replace(dataset, trials=tuple(trials), empty=(lost,)), "shape", 5, 0)
+    assert "record 'odd' again" not in str(caught.value)
+
+
 def test_a_learning_curve_of_a_recipe_without_a_split_holds_out_the_same(tmp_path: Path) -> None:
     found = learning_curve(record(tmp_path, GROUPS["person"]), UNNAMED, steps=2)
 
