@@ -25,7 +25,9 @@ from taxel.bench.boards.sensors import (
 )
 from taxel.clock import SystemClock
 from taxel.errors import BadSource
+from taxel.sources.boards.port import Chunk
 from taxel.sources.boards.source import SerialBoards
+from taxel.sources.boards.stream import BoardStream
 from taxel.wire.framing import FrameDecoder, frame_of
 from taxel.wire.messages import Ability, Command, Data, Heartbeat, Hello, Order, pack, unpack
 
@@ -118,6 +120,33 @@ def test_boards_run_in_real_time_too(firmware: Firmware):
     assert took_s > 0.2
     assert (ledger["lost"], ledger["dropped"]) == (0, 0)
     assert sum(ledger["bad"].values()) <= 1  # the frame that was under way when the port was opened
+
+
+def test_no_scan_is_taken_for_a_repeated_one_whenever_a_board_is_asked_who_it_is(
+    firmware: Firmware,
+):
+    """Its answer overtakes scans that are under way in the board: two at most."""
+    order = frame_of(pack(Command(board=1, seq=7, t_us=0, order=Order.IDENTIFY)))
+    overtaken = []
+    for phase in range(20):
+        with EmulatedBoards(firmware, [one_board(firmware)]) as boards:
+            fd = os.open(boards.port(0), os.O_RDWR | os.O_NOCTTY)
+            tty.setraw(fd)
+            boards.run(0.1 + phase * 5e-5)
+            begun = len(boards.bytes_sent(0))
+            os.write(fd, order)
+            boards.run(0.1)
+            os.close(fd)
+            sent = boards.bytes_sent(0)[begun:].split(b"\x00", 1)[1]  # from a frame's beginning
+        stream = BoardStream("here")
+        scans = stream.feed([Chunk(0.0, b"", opened=True), Chunk(0.1, sent)])
+        heard = messages_of(sent)
+        hello = next(m for m in heard if isinstance(m, Hello))
+        after = [m.seq for m in heard[heard.index(hello) :] if isinstance(m, Data)]
+        overtaken.append(hello.seq - after[0])
+        assert [int(seq) for part in scans for seq in part.seq] == after
+        assert not any(stream.ledger.bad.values())
+    assert max(overtaken) == 2
 
 
 def test_a_rate_that_the_converter_cannot_do_is_refused_by_the_board(firmware: Firmware):

@@ -19,8 +19,9 @@ _SLACK_US = 5000
 _SLACK_SHARE = 0.1
 """seq and t_us must advance alike, within 5 ms and a tenth. Our choice: far above any
 resonator's error (0.5 %), far below what damage makes of a number."""
-_AFTER_HELLO = -1
-"""A hello may overtake the scan of the tick before its own. Source: docs/decisions/0035."""
+_AFTER_HELLO = -2
+"""A hello may overtake the scans of two ticks before its own: one is being converted, one waits to
+be sent (`scans` in firmware/teng_daq/daq_board.c). Source: docs/decisions/0035."""
 _AHEAD_US = 20_000
 _AHEAD_PERIODS = 5
 """Behind a hole a board's clock may have gone on by so much more than the arrivals, microseconds
@@ -45,7 +46,7 @@ class Line:
     """When it came, host monotonic, seconds."""
     rate_hz: float
     begun: bool = False
-    """False while this is a hello's place: the scan of the same tick may still follow."""
+    """False while this is a hello's place: scans of up to two ticks before may still follow."""
 
     def placed(
         self, raw_seq: NDArray[np.uint32], raw_us: NDArray[np.uint32], arrival_s: float
