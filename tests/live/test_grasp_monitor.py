@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taxel.bundles.engine import open_engine
 from taxel.bundles.grasp import (
     GraspBundle,
     GraspContract,
@@ -35,13 +36,14 @@ EVER = StabilityConfig(raise_s=0.0, clear_s=0.0, warn=0.5, clear=0.5, unstable=0
 def make(
     folder: Path, pours: list[CameraRecording], features: str
 ) -> tuple[GraspBundle, list, TrainedHead]:
-    extractor = SlipExtractor(SETTLE) if features == "gel" else open_backbone(features)
+    name, _, places = features.partition(" ")
+    extractor = SlipExtractor(SETTLE) if name == "gel" else open_backbone(name, places=bool(places))
     found = extract(pours, extractor, folder / "cache")
     labels = [(np.arange(len(pour)) > 50).astype(np.int8) for pour in pours]
-    config = HeadConfig(frames=4, epochs=1, stride=2)
+    config = HeadConfig(frames=4, epochs=1, stride=2, tare="local-size" if places else "change")
     head = fit_head([Track(f.values, f.row, y) for f, y in zip(found, labels, strict=True)], config)
     contract = GraspContract(
-        features=features,
+        features=name,
         weights="",
         head="lstm",
         frames=4,
@@ -78,7 +80,7 @@ def edge(few_pours: Path, tmp_path_factory: pytest.TempPathFactory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("features", ["edge", "gel"])
+@pytest.mark.parametrize("features", ["edge", "gel", "mobilenet-v2 places"])
 def test_live_equals_offline(few_pours: Path, tmp_path: Path, features: str) -> None:
     """Frame by frame, from JPEG, each window's probability is that of the whole recording."""
     pours = read_camera_recordings(few_pours)[:2]
@@ -192,6 +194,22 @@ def test_another_camera_is_refused(edge) -> None:
     for cameras in ((left,), (left, replace(right, width=640)), (left, replace(right, rate_hz=10))):
         with pytest.raises(BadBundle):
             GraspMonitor(bundle, cameras)
+
+
+def test_a_bundle_whose_backbone_gives_other_features_than_it_says_is_refused(
+    edge, tmp_path: Path
+) -> None:
+    """Places taken for cameras would be averaged without a word."""
+    bundle = edge[0]
+    windows = np.zeros((1, 4, 2, 64), np.float32)
+    head = export_head(edge[2].module, 4, 64)
+    expected = open_engine(head).run(features=windows)
+    contract = replace(bundle.contract, tare="local-size")
+    write_grasp_bundle(
+        tmp_path / "b.taxel", contract, head, open_backbone("edge").model, windows, expected
+    )
+    with pytest.raises(BadBundle, match="a backbone that gives features of shape"):
+        read_grasp_bundle(tmp_path / "b.taxel")
 
 
 def test_a_damaged_bundle_is_refused(edge, tmp_path: Path, few_pours: Path) -> None:

@@ -78,6 +78,23 @@ def test_the_softmax_top_is_the_softmax_of_the_logits() -> None:
     assert found.sum().item() == pytest.approx(1.0, abs=1e-5)
 
 
+@pytest.mark.parametrize("name", [name for name, row in BACKBONES.items() if row.places])
+def test_logits_are_the_mean_over_places(name: str) -> None:
+    """The same network gives both: its top is linear, and so the order does not matter."""
+    torch.manual_seed(0)
+    row = BACKBONES[name]
+    whole, apart = row.build("logits").eval(), row.build("places").eval()
+    apart.load_state_dict(whole.state_dict())
+    images = torch.randint(0, 256, (1, 3, 96, 96), dtype=torch.uint8)
+
+    with torch.no_grad():
+        wanted, found = whole(images), apart(images)
+
+    assert found.shape == (1, 9, row.features)
+    largest = wanted.abs().max().item()
+    torch.testing.assert_close(found.mean(dim=1), wanted, rtol=1e-4, atol=1e-4 * largest)
+
+
 def test_same_padding_puts_the_odd_zero_behind_as_tensorflow_does() -> None:
     """A 3-wide kernel with stride 2 over 4 pixels looks at 0 1 2 and 2 3 and a zero."""
     row = torch.arange(1.0, 5.0).expand(1, 1, 4, 4)

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from taxel.frame_codec import decode_jpeg
 from taxel.training.frames.features import Progress, extract
 from taxel.training.frames.heads import PAPER, HeadConfig, Track, fit_head
 from taxel.training.frames.labels import change_signals, frame_labels
-from taxel.windows.camera_recordings import read_camera_recordings
+from taxel.windows.camera_recordings import frame_sets, read_camera_recordings
+from taxel.windows.rest import SETTLE
 
 
 @dataclass
@@ -21,6 +23,7 @@ class Means:
     key: str = "means"
     features: int = 3
     in_order: bool = False
+    places: bool = False
     seen: int = 0
 
     def of(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
@@ -57,6 +60,44 @@ def test_in_order_extractors_see_every_frame_of_a_camera(few_pours: Path, tmp_pa
     means = extract(pours, Means(), tmp_path)[0].all()
     ordered = extract(pours, Means(key="ordered", in_order=True), tmp_path)[0].all()
     np.testing.assert_array_equal(ordered, means)
+
+
+@dataclass
+class Halves(Means):
+    """Two places of an image, its left and its right half: the mean of each colour."""
+
+    key: str = "halves"
+    places: bool = True
+
+    def of(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
+        parts = np.stack([np.array_split(image, 2, axis=1) for image in images])
+        return parts.mean(axis=(2, 3), dtype=np.float32)
+
+
+def test_places_are_compared_with_the_grasp_at_rest_before_their_mean_is_taken(
+    few_pours: Path, tmp_path: Path
+) -> None:
+    pours = read_camera_recordings(few_pours)[:1]
+    found = extract(pours, Halves(), tmp_path)[0].all()
+    images = [
+        [decode_jpeg(frame.jpeg, pours[0].cameras[frame.camera]) for frame in moment.frames]
+        for moment in frame_sets(pours[0].path, 2)
+    ]
+    apart = np.stack([Halves().of(pair) for pair in images])  # frames, cameras, places, colours
+    rest = np.median(apart[SETTLE], axis=0)
+    np.testing.assert_allclose(found, np.abs(apart - rest).mean(axis=2), atol=1e-4)
+    whole = np.abs(apart.mean(axis=2) - np.median(apart.mean(axis=2)[SETTLE], axis=0))
+    assert found[60:].mean() > 1.5 * whole[60:].mean()  # halves that change apart do not cancel
+
+
+def test_a_head_takes_features_that_were_compared_as_they_are() -> None:
+    recordings = tracks(4, 0)
+    config = HeadConfig(frames=4, epochs=1, tare="local-size")
+    head = fit_head(recordings, config)
+    values = recordings[0].features()
+    np.testing.assert_allclose(head.scale(values), (values - head.offset) * head.factor, rtol=1e-6)
+    other = fit_head(recordings, replace(config, tare="none"))
+    np.testing.assert_array_equal(head.probabilities(values), other.probabilities(values))
 
 
 def test_a_correction_by_hand_wins_over_the_rule(few_pours: Path, tmp_path: Path) -> None:

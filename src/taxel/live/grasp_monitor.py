@@ -27,7 +27,7 @@ from taxel.live.slip_watch import SlipWatch, taken_of
 from taxel.side_by_side import SideBySide
 from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet
-from taxel.windows.rest import seen, settled
+from taxel.windows.rest import compared, seen, settled
 from taxel.windows.sequence import FeatureRing
 
 
@@ -279,6 +279,8 @@ class GraspMonitor:
         if self.bundle.backbone is not None:
             if fresh:
                 rows = self.bundle.backbone.run(frames=np.stack([images[c] for c in fresh]))
+                if self._rows.shape[1:] != rows.shape[1:]:  # of each place of the image
+                    self._rows = np.zeros((len(images), *rows.shape[1:]), np.float32)
                 self._rows = self._rows.copy()
                 self._rows[list(fresh)] = rows
             return self._next(self._rows)
@@ -344,7 +346,8 @@ class GraspMonitor:
         return window
 
     def _scaled(self, rows: NDArray[np.float32], rest: NDArray[np.float32]) -> NDArray[np.float32]:
-        change = seen(rows, rest, self.bundle.contract.tare)
+        tare = self.bundle.contract.tare
+        change = compared(rows, rest) if tare == "local-size" else seen(rows, rest, tare)
         return np.asarray((change - self.bundle.offset) * self.bundle.factor, np.float32)
 
 

@@ -14,6 +14,7 @@ from taxel.evaluation.transitions import limits
 from taxel.evaluation.transitions.limits import ProductLimit
 from taxel.evaluation.transitions.step_times import StepTime, time_step
 from taxel.models.transition import TRANSITION_MODELS, find_transition
+from taxel.training.frames.extractors import open_backbone
 
 
 def timed(stream_ms: float, limit_gflops: float | None = 100.0) -> StepTime:
@@ -61,6 +62,23 @@ def test_a_step_is_timed_beside_its_limit(monkeypatch: pytest.MonkeyPatch, tmp_p
     assert step.stream_ms < step.window_ms
     assert step.share is not None
     assert 0 < step.share < 1
+
+
+def test_a_step_compares_places_with_the_grasp_at_rest(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A head sees one row of features a camera, whether or not a backbone gives places apart."""
+    monkeypatch.setattr(limits, "SIDE", 256)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    whole, apart = (open_backbone("mobilenet-v2", places=places) for places in (False, True))
+    steps = [
+        time_step("efficientnet-lite0+lstm", 2, repeats=3, extractor=extractor)
+        for extractor in (whole, apart)
+    ]
+    assert [step.stream_ms > 0 for step in steps] == [True, True]
+    frame = np.zeros((1, 240, 320, 3), np.uint8)
+    assert apart.of(list(frame)).shape == (1, 49, 1000)
+    np.testing.assert_allclose(apart.of(list(frame)).mean(axis=1), whole.of(list(frame)), atol=1e-3)
 
 
 def test_rows_hold_the_quietest_step_over_the_quietest_product() -> None:

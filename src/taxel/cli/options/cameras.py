@@ -111,13 +111,16 @@ AHEAD = Only(("ahead",), "no --paper-settings", lambda verb: not verb.fit.paper_
 """The paper's settings take labels as they are."""
 
 
-def head_config(rule: str, fit: FitOptions, head: HeadOptions | None = None) -> HeadConfig:
+def head_config(
+    rule: str, fit: FitOptions, head: HeadOptions | None = None, *, features: str
+) -> HeadConfig:
     """Return how a head is trained.
 
     Args:
         rule: Rule of the labels; it says how features are taken relative to rest.
         fit: Settings and seed.
         head: Head and frames; where a table sets both, None.
+        features: Name of a backbone, or "gel".
 
     Raises:
         BadInput: An option lies outside its limits.
@@ -135,8 +138,16 @@ def head_config(rule: str, fit: FitOptions, head: HeadOptions | None = None) -> 
         chosen |= {"head": head.head, "frames": head.frames}
     if fit.paper_settings:
         return replace(PAPER, **chosen)
-    tare: Tare = "size" if rule == "change" else "change"
-    return HeadConfig(tare=tare, ahead=fit.ahead, **chosen)
+    return HeadConfig(tare=_tare(rule, features), ahead=fit.ahead, **chosen)
+
+
+def _tare(rule: str, features: str) -> Tare:
+    """Return how features are taken relative to rest. Source: docs/decisions/0013."""
+    from taxel.models.backbones.catalogue import find_backbone
+
+    if rule != "change":
+        return "change"
+    return "local-size" if features != GEL and find_backbone(features).places else "size"
 
 
 def backbone_names(given: Sequence[str], option: str = "--backbones") -> tuple[str, ...]:
@@ -178,19 +189,23 @@ def load_set(labels: LabelOptions, folder: Path, bar: Bar) -> CameraSet:
 
 
 def open_features(
-    name: str, pours: CameraSet, weights: WeightOptions, engine: EngineOptions
+    name: str, pours: CameraSet, weights: WeightOptions, engine: EngineOptions, tare: Tare
 ) -> BackboneExtractor | SlipExtractor:
-    """Return what gives features, by name: a backbone, or "gel"."""
+    """Return what gives features, by name: a backbone, or "gel"; `tare` is the head's."""
     from taxel.training.frames.extractors import SlipExtractor
     from taxel.windows.rest import SETTLE
 
     if name == GEL:
         return SlipExtractor(SETTLE)
-    return open_backbone(name, pours.pours, weights, engine)
+    return open_backbone(name, pours.pours, weights, engine, tare)
 
 
 def open_backbone(
-    name: str, pours: Sequence[CameraRecording], weights: WeightOptions, engine: EngineOptions
+    name: str,
+    pours: Sequence[CameraRecording],
+    weights: WeightOptions,
+    engine: EngineOptions,
+    tare: Tare,
 ) -> BackboneExtractor:
     """Open a backbone for the cameras of some recordings, whose images may calibrate it.
 
@@ -207,6 +222,7 @@ def open_backbone(
     return open_named(
         name, weights.weights, engine=engine.engine, precision=engine.precision,
         threads=weights.threads, size_px=(camera.height, camera.width), calibration=frames,
+        places=tare == "local-size",
     )  # fmt: skip
 
 

@@ -82,11 +82,13 @@ class TrainBackbone:
         from taxel.training.frames.extractors import BackboneExtractor
 
         self._check()
-        config = head_config(self.labels.rule, self.fit, self.head)
+        config = head_config(self.labels.rule, self.fit, self.head, features=self.backbone)
         checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
         with self.work.open(), progress() as bar:
             pours = load_set(self.labels, self.data, bar)
-            extractor = open_features(self.backbone, pours, self.weights, self._engine())
+            extractor = open_features(
+                self.backbone, pours, self.weights, self._engine(), config.tare
+            )
             assert isinstance(extractor, BackboneExtractor)
             first = pours.some(HEAD_RECORDINGS)
             features = extract_features(extractor, self.backbone, first, self.labels.folder(), bar)

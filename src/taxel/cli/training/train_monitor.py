@@ -77,10 +77,10 @@ class TrainMonitor:
         from taxel.evaluation.early_warning.learn_monitor import learn_monitor, write_monitor
         from taxel.training.frames.extractors import BackboneExtractor
 
-        config = head_config(self.labels.rule, self.fit, self.head)
+        config = head_config(self.labels.rule, self.fit, self.head, features=self.features)
         with self.work.open(), progress() as bar:
             pours = load_set(self.labels, self.data, bar)
-            extractor = open_features(self.features, pours, self.weights, self.engine)
+            extractor = open_features(self.features, pours, self.weights, self.engine, config.tare)
             features = extract_features(extractor, self.features, pours, self.labels.folder(), bar)
             task = bar.add_task("training", total=None)
             learnt = learn_monitor(

@@ -35,6 +35,7 @@ class GreyThumbs:
     key: str = f"grey-{_THUMB[0]}x{_THUMB[1]}"
     features: int = _THUMB[0] * _THUMB[1]
     in_order: bool = False
+    places: bool = False
 
     def of(self, images: Sequence[Image]) -> NDArray[np.float32]:
         greys = [cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32) for image in images]

@@ -37,6 +37,7 @@ from taxel.models.transition import (
 )
 from taxel.training.frames.features import FrameFeatures
 from taxel.training.frames.heads import HeadConfig
+from taxel.windows.rest import Tare
 from taxel.windows.sequence import label_windows
 
 OWN_HEADS = ("lstm", "lstm2", "lstm4", "transformer")
@@ -150,6 +151,8 @@ class BackboneSeen:
     """One a pour, in their order."""
     origin: str = ""
     """Where the weights come from; empty where nothing is known of it."""
+    tare: Tare | None = None
+    """How its features were taken against the grasp at rest; None: as the settings say."""
 
 
 def measure_rows(
@@ -178,9 +181,9 @@ def measure_rows(
     jobs = []
     for plan in plans:
         head = find_transition(plan.model).head
-        config = replace(base, head=head, frames=plan.frames)
-        wanted = folds if every_cup and plan.frames == FRAMES else folds[-1:]
         own = _seen_by(plan.model, seen)
+        config = replace(base, head=head, frames=plan.frames, tare=own.tare or base.tare)
+        wanted = folds if every_cup and plan.frames == FRAMES else folds[-1:]
         jobs.append((own.features, data.labels, wanted, config, plan.model))
     done = side_by_side(_judge_folds, jobs, lambda result: on_row(result[2]))
     rows = []

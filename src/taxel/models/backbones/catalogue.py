@@ -46,6 +46,8 @@ class Backbone:
     """Numbers that it gives for one image."""
     flops: int
     """Floating-point operations for one image, a multiplication and an addition being two."""
+    places: bool = True
+    """Whether its features are means over places of the image, which it can give apart."""
 
 
 def _build_edge(_top: Top) -> nn.Module:
@@ -137,6 +139,7 @@ BACKBONES: dict[str, Backbone] = {
         scaling="(pixel − 127.5) ÷ 63.75",
         features=EDGE_FEATURES,
         flops=33_855_488,
+        places=False,
     ),
     "touch": Backbone(
         summary="small CNN over a 160×120 frame, pretrained on touch; its weights come with taxel",
@@ -147,6 +150,7 @@ BACKBONES: dict[str, Backbone] = {
         scaling="(pixel − 127.5) ÷ 63.75",
         features=TOUCH_FEATURES,
         flops=97_551_360,
+        places=False,
     ),
 }
 """Name → backbone."""

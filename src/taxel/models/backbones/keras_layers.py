@@ -15,8 +15,9 @@ from typing import Literal
 import torch
 from torch import Tensor, nn
 
-Top = Literal["logits", "softmax"]
-"""What the 1000-way top gives: its weighted sums, or Keras' default, probabilities."""
+Top = Literal["logits", "softmax", "places"]
+"""What the 1000-way top gives: its weighted sums; Keras' default, probabilities; or the sums of
+each place of the last maps, whose mean over all places is the first."""
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 """Mean of ImageNet's pixels, R G B, of 1. Source: keras.applications.imagenet_utils."""
@@ -84,7 +85,13 @@ class KerasClassifier(nn.Linear):
         self.top = top
 
     def forward(self, maps: Tensor) -> Tensor:
-        """Return features, shape (n, outputs), of maps (n, inputs, h, w)."""
+        """Return features of maps (n, inputs, h, w).
+
+        Returns:
+            Shape (n, outputs); (n, h · w, outputs), row by row, where the top gives "places".
+        """
+        if self.top == "places":
+            return super().forward(maps.flatten(2).transpose(1, 2))
         logits = super().forward(maps.mean(dim=(2, 3)))
         return logits.softmax(dim=1) if self.top == "softmax" else logits
 

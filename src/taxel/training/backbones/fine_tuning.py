@@ -105,7 +105,8 @@ class EndToEnd(nn.Module):
     Args:
         backbone: What `BACKBONES[name].build` made, with its weights.
         name: Its name there.
-        head: Trained on this backbone's features, with their scaling.
+        head: Trained on this backbone's features, with their scaling; where it takes "local-size",
+            the backbone gives places.
         side_px: Height and width of its images, pixels; the backbone's own unless given.
     """
 
@@ -133,7 +134,9 @@ class EndToEnd(nn.Module):
         seen = found[frames]
         if self.tare != "none":
             seen = seen - found[rest].median(dim=1, keepdim=True).values
-            seen = seen.abs() if self.tare == "size" else seen
+            seen = seen if self.tare == "change" else seen.abs()
+        if self.tare == "local-size":
+            seen = seen.mean(dim=-2)
         scaled = (seen - self.offset) * self.factor
         windows = scaled.flatten(2).unfold(1, self.frames, 1).transpose(2, 3)
         logits: Tensor = self.head(windows.flatten(0, 1)).unflatten(0, windows.shape[:2])
@@ -164,7 +167,7 @@ def begin_end_to_end(
     """
     epochs = min(config.epochs, HEAD_EPOCHS)
     head = fit_head(tracks_of(features, labels), replace(config, epochs=epochs))
-    module = find_backbone(extractor.backbone).build("logits")
+    module = find_backbone(extractor.backbone).build("places" if extractor.places else "logits")
     extractor.weights.load_into(module)
     return EndToEnd(module, extractor.backbone, head, extractor.weights.side_px)
 

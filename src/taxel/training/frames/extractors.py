@@ -22,6 +22,7 @@ from taxel.bundles.engine import Engine, EngineName, Precision, open_engine
 from taxel.errors import BadInput
 from taxel.gel.slip_features import SLIP_FEATURES, SlipFeatures
 from taxel.training.frames.features import BATCH
+from taxel.windows.rest import SETTLE
 
 if TYPE_CHECKING:
     from torch import nn
@@ -49,6 +50,7 @@ class BackboneExtractor:
     run_by: tuple[BackboneEngine, Precision, int] = ("onnxruntime", "f32", 1)
     """Which library runs it, with which numbers and how many threads."""
     in_order: bool = False
+    places: bool = False
 
     @property
     def model(self) -> bytes:
@@ -73,6 +75,7 @@ def open_backbone(
     threads: int = 1,
     size_px: tuple[int, int] = (240, 320),
     calibration: Sequence[NDArray[np.uint8]] = (),
+    places: bool = False,
 ) -> BackboneExtractor:
     """Return a backbone that is ready to give features.
 
@@ -84,9 +87,12 @@ def open_backbone(
         threads: Threads of the engine.
         size_px: Height and width of the camera's frames, pixels.
         calibration: Images that set the ranges of 8-bit numbers; for int8.
+        places: Give the features of each place of an image, which are compared with those of the
+            grasp at rest before their mean is taken.
 
     Raises:
-        BadInput: There is no such backbone, the weights do not fit, or int8 lacks images.
+        BadInput: There is no such backbone, the weights do not fit, int8 lacks images, or the
+            backbone cannot give places apart.
         MissingExtra: The engine, or what makes 8-bit numbers, is not installed.
     """
     from taxel.models.backbones.catalogue import find_backbone
@@ -96,17 +102,24 @@ def open_backbone(
     from taxel.training.frames.quantising import quantise
 
     row = find_backbone(backbone)
+    if places and not row.places:
+        raise BadInput(
+            "a backbone whose features are means over places", backbone, "choose another"
+        )
     found = find_weights(backbone, weights)
-    module = row.build("logits").eval()
+    module = row.build("places" if places else "logits").eval()
     found.load_into(module)
     label = "random" if found.path is None else "trained"
     key = f"{backbone}-{label}-{found.digest[:12]}-{engine}-{precision}-{size_px[1]}x{size_px[0]}"
+    key += f"-places-{SETTLE.start}-{SETTLE.stop}" if places else ""
     write = partial(export_backbone, module, backbone, *size_px, side_px=found.side_px)
     if engine == "torch":
         ready = _in_torch(FrameFeatures(deepcopy(module), backbone, found.side_px), precision)
         run_by: tuple[BackboneEngine, Precision, int] = (engine, precision, threads)
         key += f"-{ready.device.type}"
-        return BackboneExtractor(backbone, found, write, ready, key, row.features, run_by)
+        return BackboneExtractor(
+            backbone, found, write, ready, key, row.features, run_by, places=places
+        )
     model = write()
     if precision == "int8":
         model = quantise(model, calibration)
@@ -119,6 +132,7 @@ def open_backbone(
         key,
         row.features,
         (engine, precision, threads),
+        places=places,
     )
 
 
@@ -147,6 +161,7 @@ class SlipExtractor:
     """Which frames are the reference."""
     features: int = len(SLIP_FEATURES)
     in_order: bool = True
+    places: bool = False
 
     @property
     def key(self) -> str:

@@ -12,6 +12,7 @@ import socket
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from time import perf_counter
 from typing import Protocol, TypeVar
@@ -25,6 +26,7 @@ from taxel.foreign.files import read_bytes
 from taxel.frame_codec import decode_jpeg
 from taxel.side_by_side import SideBySide
 from taxel.windows.camera_recordings import CameraRecording, frame_sets
+from taxel.windows.rest import SETTLE, compared, settled
 
 Item = TypeVar("Item")
 
@@ -55,8 +57,16 @@ class Extractor(Protocol):
         """True where a frame's features depend on the frames before it."""
         ...
 
+    @property
+    def places(self) -> bool:
+        """True where it gives features of each place of an image, which are compared with those
+        of the grasp at rest before they are kept (`taxel.windows.rest`, "local-size").
+        """
+        ...
+
     def of(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
-        """Return features, shape (n, features), of images (height, width, 3), red first.
+        """Return features, shape (n, features), of images (height, width, 3), red first; with
+        `places`, shape (n, places, features).
 
         With `in_order`, the images are all those of one camera from the recording's
         start, and each call is a new recording.
@@ -152,11 +162,31 @@ def _compute(pour: CameraRecording, extractor: Extractor) -> NDArray[np.float32]
     at_once = getattr(extractor, "at_once", BATCH)
     # Where a card computes, decoding would be what takes the time.
     beside = SideBySide(min(os.cpu_count() or 1, at_once) if at_once > BATCH else 1)
-    parts = [
-        extractor.of(beside.map(lambda file: decode_jpeg(file[0], pour.cameras[file[1]]), batch))
-        for batch in _batches(_different(pour), at_once)
-    ]
+
+    def features(batch: list[tuple[bytes, int]]) -> NDArray[np.float32]:
+        return extractor.of(
+            beside.map(lambda file: decode_jpeg(file[0], pour.cameras[file[1]]), batch)
+        )
+
+    rest = _at_rest(pour, features) if extractor.places else None
+    parts = []
+    for batch in _batches(_different(pour), at_once):
+        found = features(batch)
+        if rest is not None:
+            found = compared(found, rest[[camera for _, camera in batch]])
+        parts.append(found)
     return np.concatenate(parts)
+
+
+def _at_rest(
+    pour: CameraRecording, features: Callable[[list[tuple[bytes, int]]], NDArray[np.float32]]
+) -> NDArray[np.float32]:
+    """Return the grasp at rest as each camera shows it, shape (cameras, places, features)."""
+    rows = pour.image[SETTLE]
+    wanted, own = np.unique(rows, return_inverse=True)
+    files = list(islice(_different(pour), int(wanted[-1]) + 1))
+    found = features([files[row] for row in wanted])
+    return np.stack([settled(found[each]) for each in own.reshape(rows.shape).T])
 
 
 def _images(pour: CameraRecording, camera: int) -> Iterator[NDArray[np.uint8]]:

@@ -31,8 +31,9 @@ class HeadConfig:
     """k: frames in a window. Source: paper, section 5.2."""
     tare: Tare = "change"
     """What of a frame's features a head sees: "none" as they are, as the paper; "change" less
-    those of the settled first frames; "size" the absolute value of that. Source: our choice,
-    docs/decisions/0013."""
+    those of the settled first frames; "size" the absolute value of that; "local-size" the same at
+    each place of the image, in the mean over places: then features are computed so. Source: our
+    choice, docs/decisions/0013."""
     standardise: bool = True
     """Each feature to mean 0 and deviation 1 over the training recordings; False leaves features
     as the backbone gives them, as the paper, which names no scaling."""

@@ -36,6 +36,7 @@ class StoredBackbone:
     key: str
     features: int
     in_order: bool = False
+    places: bool = False
 
     def of(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
         return _opened(self.model, self.run_by).run(frames=np.stack(images))
@@ -98,7 +99,9 @@ def portable(extractor: Extractor, cache: Path) -> Extractor:
     path = cache.absolute() / "backbones" / f"{extractor.key}.onnx"
     if not path.exists() or path.stat().st_size != len(extractor.model):
         write_whole(path, extractor.model)
-    return StoredBackbone(path, extractor.run_by, extractor.key, extractor.features)
+    return StoredBackbone(
+        path, extractor.run_by, extractor.key, extractor.features, places=extractor.places
+    )
 
 
 @lru_cache(maxsize=1)

@@ -30,6 +30,7 @@ class ChangeExtractor:
     settled: slice
     features: int = 1
     in_order: bool = True
+    places: bool = False
 
     @property
     def key(self) -> str:

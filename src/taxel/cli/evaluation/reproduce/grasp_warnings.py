@@ -95,7 +95,6 @@ class GraspWarnings:
         )
         from taxel.evaluation.transitions.data import trivial_features
 
-        config = head_config(self.labels.rule, self.fit, self.head)
         names = backbone_names(self.features, "--features")
         pours = load_set(self.labels, data, bar)
         if self.test is not None:
@@ -105,7 +104,8 @@ class GraspWarnings:
         results = []
         task = bar.add_task("training", total=None)
         for name in names:
-            extractor = open_features(name, pours, self.weights, self.engine)
+            config = head_config(self.labels.rule, self.fit, self.head, features=name)
+            extractor = open_features(name, pours, self.weights, self.engine, config.tare)
             features = extract_features(extractor, name, pours, self.labels.folder(), bar)
             found, _ = warn_on_unseen_cups(
                 pours, features, config, folds, name=f"{name}+{self.head.head}",

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from taxel.training.frames.extractors import BackboneExtractor
     from taxel.training.frames.features import Progress
     from taxel.windows.camera_recordings import CameraRecording
+    from taxel.windows.rest import Tare
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,12 +80,12 @@ class Precisions:
         backbones = backbone_names(self.backbones)
         if GEL in backbones:
             raise BadInput("a backbone, which runs in an engine", GEL, "name one with --backbones")
-        config = head_config(self.labels.rule, self.fit, self.head)
         rows = []
         with given_or_simulated(self.data, self.fit.seed, bar) as folder:
             pours = load_set(self.labels, folder, bar)
             fold = cup_folds(pours.groups("cup"))[-1]
             for backbone in backbones:
+                config = head_config(self.labels.rule, self.fit, self.head, features=backbone)
                 task = bar.add_task(backbone, total=None)
 
                 def show(way: str, done: Progress, name: str = backbone, task: Any = task) -> None:
@@ -92,10 +93,10 @@ class Precisions:
 
                 def open_way(
                     engine: EngineName, precision: Precision, train: Sequence[CameraRecording],
-                    name: str = backbone,
+                    name: str = backbone, tare: Tare = config.tare,
                 ) -> BackboneExtractor:  # fmt: skip
                     chosen = EngineOptions(engine=engine, precision=precision)
-                    return open_backbone(name, train, self.weights, chosen)
+                    return open_backbone(name, train, self.weights, chosen, tare)
 
                 rows += compare_precisions(
                     pours, fold, config, open_way, Ways(ways, self.weights.threads),

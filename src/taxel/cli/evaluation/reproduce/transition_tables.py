@@ -71,7 +71,7 @@ class TransitionTables:
         backbones = backbone_names(self.backbones)
         if GEL in backbones:
             raise BadInput("backbones for the tables", GEL, "name others with --backbones")
-        config = head_config(self.labels.rule, self.fit)
+        config = head_config(self.labels.rule, self.fit, features=backbones[0])
         with progress() as bar, given_or_simulated(self.data, self.fit.seed, bar) as folder:
             pours = load_set(self.labels, folder, bar)
             seen: dict[str, BackboneSeen] = {}
@@ -79,10 +79,13 @@ class TransitionTables:
             plans = plan_rows(backbones)
             for name, models in self._sources([plan.model for plan in plans]).items():
                 backbone = find_transition(models[0]).backbone
-                extractor = open_features(backbone, pours, self._weights_of(name), self.engine)
+                tare = head_config(self.labels.rule, self.fit, features=backbone).tare
+                extractor = open_features(
+                    backbone, pours, self._weights_of(name), self.engine, tare
+                )
                 found = extract_features(extractor, backbone, pours, self.labels.folder(), bar)
                 weights = extractor.weights  # type: ignore[union-attr]
-                seen[name] = BackboneSeen(weights.label, found, weights.origin)
+                seen[name] = BackboneSeen(weights.label, found, weights.origin, tare)
                 for plan in plans:
                     if not self.steps:
                         break
