@@ -19,6 +19,7 @@ from rich.text import Text
 import taxel
 from taxel.plain_text import (
     MOST_NAME,
+    figures,
     html_text,
     json_text,
     shell_words,
@@ -257,3 +258,16 @@ def test_the_page_s_script_never_makes_html_of_text():
 def test_a_list_of_names_shows_where_each_ends():
     """A name that holds a comma stands in quotes; the others as they are."""
     assert visible_names(["cup, red", "cup", "a\nb"]) == '"cup, red", cup, a\\x0ab'
+
+
+@pytest.mark.parametrize(("numbers", "shown"), [
+    ((0.0, 90.0, 88.2), ["0", "90", "88.2"]),
+    ((151.345, 151.345002), ["151.345", "151.345002"]),
+    ((1709294400.01, 9999.0), ["1709294400.01", "9999"]),
+    ((0.5, 0.5 + 1e-9, 0.5), ["0.5", "0.500000001", "0.5"]),
+    ((1.0, 1.0 + 2.0**-52), ["1", "1.0000000000000002"]),
+    ((1e300, float("inf"), 100.0), ["1e+300", "inf", "100"]),
+])  # fmt: skip
+def test_figures_that_differ_look_different(numbers: tuple[float, ...], shown: list[str]) -> None:
+    """To the sixth decimal at least, without zeros behind."""
+    assert figures(*numbers) == shown

@@ -23,6 +23,8 @@ MOST_LINE = 4000
 """Characters of a message, such as an error that quotes several names. Our choice."""
 MOST_HTML = 20_000
 """Characters of one piece of a page, such as a paragraph. Our choice."""
+_MOST_DECIMALS, _MOST_PLAIN = 17, 1e12
+"""Of a figure, and from where on it is written as 1e+12. A double has 17 digits at most."""
 _DIGEST = 8
 """Hexadecimal digits by which shortened texts differ: 32 bits."""
 
@@ -103,6 +105,21 @@ def finite(data: Any) -> Any:
     if isinstance(data, list | tuple):
         return [finite(value) for value in data]
     return data
+
+
+def figures(*numbers: float) -> list[str]:
+    """Return numbers for a message that compares them: to the sixth decimal, or to as many more
+    that numbers which differ look different.
+    """
+    each = ([_decimals(number, most) for number in numbers] for most in range(6, _MOST_DECIMALS))
+    differ = len(set(numbers))
+    return next((own for own in each if len(set(own)) == differ), list(map(repr, numbers)))
+
+
+def _decimals(number: float, most: int) -> str:
+    if not abs(number) < _MOST_PLAIN:
+        return f"{number:g}"
+    return f"{number:.{most}f}".rstrip("0").rstrip(".")
 
 
 def shell_words(*words: object) -> str:

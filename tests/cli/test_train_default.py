@@ -61,6 +61,18 @@ def test_its_bundle_runs_live(trained: Path, recordings: Path, capsys: pytest.Ca
     assert printed["answers"] == {"firm": 1}
 
 
+def test_trials_that_a_table_does_not_name_are_counted(
+    trained: Path, recordings: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+):
+    """As `evaluate` notes it, also where an earlier choice is taken."""
+    (tmp_path / "folds.csv").write_text("group:session,side\ns0,train\ns1,test\n")
+    main(["train", str(recordings), "--output", str(tmp_path / "run"), "--like",
+          str(trained / "expert.json"), "--folds", str(tmp_path / "folds.csv")])  # fmt: skip
+    said = " ".join(capsys.readouterr().out.split())
+
+    assert "6 of 18 trials stand on no side of folds.csv, session held out: left out" in said
+
+
 @pytest.mark.parametrize(
     ("words", "need"),
     [

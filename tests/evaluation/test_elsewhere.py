@@ -12,7 +12,7 @@ from rich.console import Console
 from taxel.bundles.reader import Bundle, read_bundle
 from taxel.bundles.writer import write_bundle
 from taxel.decisions.recognition import UNKNOWN
-from taxel.errors import BadDataset, BadSplit
+from taxel.errors import BadDataset, BadSplit, BadTable
 from taxel.evaluation.bundle_scores import score_bundle
 from taxel.evaluation.checked import Checked, check_recipe
 from taxel.evaluation.kept_folds import Keeping
@@ -214,3 +214,17 @@ def test_objects_that_a_table_puts_on_both_sides_are_counted(pads: Path, tmp_pat
 
     assert [note for note in notes if "4 of 4 tested objects are on both sides" in note]
     assert not [note for note in silent if "both sides" in note]
+
+
+def test_a_moment_that_no_trial_holds_is_refused_whoever_reads_the_table(
+    pads: Path, bundle: Bundle, tmp_path: Path
+) -> None:
+    """By a recipe, and for a bundle, beside rows of recordings that are elsewhere."""
+    folds = tmp_path / "folds.csv"
+    folds.write_text("recording,start_s,side\ns1_2_0,,train\ns2_10_0,,train\n"
+                     "s3_2_0,9999,test\ns3_10_0,,test\n")  # fmt: skip
+    with pytest.raises(BadTable, match=r"as s3_2_0 lasts; got 9999 s in folds\.csv, line 4"):
+        checked(pads, Elsewhere(table=folds))
+    folds.write_text("recording,start_s,side\nnowhere,5,train\ns3_2_0,9999,test\n")
+    with pytest.raises(BadTable, match=r"got 9999 s in folds\.csv, line 3; give start_s on"):
+        score_bundle(bundle, pads, folds=folds)

@@ -90,6 +90,40 @@ def test_groups_and_single_trials_can_be_named(tmp_path: Path) -> None:
     assert found.folds[0].test == {3, 4, 5}
 
 
+SPANS = {f"s{n}": (60.0 * n, 60.0 * n + 55.0) for n in range(6)}
+STARTS = ("recording,start_s,side", "s0,0,train", "s0,10,train", "s1,60,test")
+
+
+def test_a_moment_outside_its_recording_is_refused(tmp_path: Path) -> None:
+    """On whatever side, by line; the figures differ however close it is."""
+    dataset = replace(make_dataset(), spans=SPANS)
+    cases = {
+        "s0,9999,train": "within 0 and 55 s, as s0 lasts; got 9999 s in folds.csv, line 5",
+        "s0,55.01,unused": "got 55.01 s in folds.csv, line 5; give start_s on the recording's own",
+        "s1,59.99,test": "within 60 and 115 s, as s1 lasts; got 59.99 s",
+    }
+    for row, said in cases.items():
+        with pytest.raises(BadTable) as error:
+            split(tmp_path, *STARTS, row, dataset=dataset)
+        assert said in str(error.value)
+        assert "\n" not in str(error.value)
+
+
+def test_moments_between_trials_and_trials_without_a_row_are_noted(tmp_path: Path) -> None:
+    """A moment in a trial that gave no window, or lacks the label, is no such moment."""
+    dataset = replace(make_dataset(), spans=SPANS)
+    empty = replace(dataset.trials[0], start_s=7.0, end_s=9.0)
+    found = split(tmp_path, *STARTS, "s0,7,train", "s0,17,train", "s1,67,test",
+                  dataset=replace(dataset, empty=(empty,)))  # fmt: skip
+
+    assert found.notes == (
+        "33 of 36 trials stand on no side of folds.csv: left out",
+        "2 of 6 rows of folds.csv begin in no trial, such as line 6: left out",
+    )
+    assert split(tmp_path, *SIDED, "s5,train").notes == (
+        "6 of 36 trials stand on no side of folds.csv: left out",)  # fmt: skip
+
+
 def test_a_recording_that_gave_no_window_is_no_error(tmp_path: Path) -> None:
     """The table may name recordings that are too short for the window."""
     known = split(tmp_path, *SIDED).folds

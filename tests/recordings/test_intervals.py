@@ -60,6 +60,8 @@ def test_labels_groups_and_file_names_are_one_however_their_accents_were_typed(t
         (HEADER + "long,2,1,cup\n", "an end after the start; got 2 to 1 s in .*line 2"),
         (HEADER + "long,2,2,cup\n", "an end after the start"),
         (HEADER + "long,0,2,cup\nlong,1.5,3,egg\n", "overlap; got 1.5 s in .*line 3.*line 2"),
+        (HEADER + "long,0,151.345002,cup\nlong,151.345,160,egg\n",
+         r"overlap; got 151\.345 s in .*line 3, before the 151\.345002 s"),
         (HEADER + "other.csv,0,2,cup\n", "a file among long; got 'other.csv' in .*line 2"),
         (HEADER + "long,0,two,cup\n", "seconds as a number; got 'two'"),
         (HEADER + "long,0,nan,cup\n", "seconds as a number"),
@@ -94,11 +96,27 @@ def test_neighbouring_intervals_share_no_scan_and_lose_none():
     assert int(np.any(inside, axis=0).sum()) == 300
 
 
+def test_an_end_that_was_rounded_up_to_half_a_scan_late_is_the_recordings_end():
+    """Tables hold a few decimals; the mark ends with the last scan."""
+    time_s = 1.7e9 + np.arange(300) / 100.0
+    for end_s in (3.0, 3.000002, 3.004):
+        (mark,) = marks_of([Interval(start_s=2.0, end_s=end_s)], time_s, 100.0)
+        assert (mark.start_s, mark.end_s) == (time_s[200], time_s[-1])
+
+
+def test_an_interval_that_is_refused_shows_how_its_figures_differ():
+    """At 1 MHz, 2 µs are too late; six digits would look alike."""
+    interval = Interval(start_s=146.834, end_s=151.345002, where="t.csv, line 171")
+    with pytest.raises(BadTable, match=r"0 and 151\.345 s, .*got 146\.834 to 151\.345002 s in t"):
+        marks_of([interval], np.array([0.0, 151.344999]), 1e6)
+
+
 @pytest.mark.parametrize(
     ("start_s", "end_s", "words"),
     [
         (-0.1, 1.0, "within 0 and 3 s"),
         (2.0, 3.1, "within 0 and 3 s"),
+        (2.0, 3.0051, "within 0 and 3 s, .*; got 2 to 3.0051 s"),
         (1.001, 1.009, "with a scan in it"),
     ],
 )

@@ -45,6 +45,39 @@ def test_rows_with_one_label_are_a_trial_and_rows_without_are_none(tmp_path, cha
     assert any("column state" in remark for remark in facts.of_line)
 
 
+ROWS = TEXT.partition("\n")[2].replace("0,1,2", "0,1.5,2", 1)
+
+
+@pytest.mark.parametrize(("text", "channels", "time", "trials"), [
+    (ROWS, "2[N] 3[N]", "1[ms]", "5"),
+    (ROWS, "*[N]", "1[ms]", "5"),
+    (ROWS, "2[N] 3[N]", "1[ms]", "restarts"),
+    (ROWS, "2[N] 3[N]", "1[ms]", "5+restarts"),
+    (ROWS, "*[N]", "1[ms]", "5+restarts"),
+    ("ms,a,b,state,who\n" + ROWS, "2[N] 3[N]", "1[ms]", "5"),
+    ("ms,a,b,state,who\n" + ROWS, "2[N] 3[N]", "ms[ms]", "who"),
+    ("ms,0.5,1.5,state,who\n" + ROWS, "2[N] 3[N]", "1[ms]", "who+restarts"),
+])  # fmt: skip
+def test_without_a_line_of_names_each_row_keeps_its_label(tmp_path, text, channels, time, trials):
+    """Values, labels and trials are read apart, and all begin with the same line."""
+    table = f"file,trials,label:state,channels,time\nall.csv,{trials},rows:4,{{}},{time}\n"
+    (anna, bo), _ = bring(tmp_path, table, text, channels)
+
+    assert anna.samples.values.tolist() == [[1.5, 2], [3, 4], [5, 6], [7, 8], [9, 10]]
+    assert [mark.labels["state"] for mark in anna.marks] == ["stable", "slip", "stable"]
+    assert [(mark.start_s, mark.end_s) for mark in bo.marks] == [(0.0, pytest.approx(0.01))]
+
+
+def test_a_file_without_names_keeps_its_first_row_and_that_row_s_label(tmp_path):
+    table = "file,label:state,channels,time\nall.csv,rows:4,{},1[iso]\n"
+    rows = "".join(f"12:00:00.0{n}0,{n},{n},{'ab'[n > 2]}\n" for n in range(6))
+    (recording,), _ = bring(tmp_path, table, rows, "2[N] 3[N]")
+
+    assert recording.samples.values[:, 0].tolist() == [0, 1, 2, 3, 4, 5]
+    assert [mark.labels["state"] for mark in recording.marks] == ["a", "b"]
+    assert recording.marks[0].start_s == recording.samples.fitted_s[0]
+
+
 def test_in_a_text_of_many_trials_each_has_its_own_stretches(tmp_path):
     (anna, bo), _ = bring(tmp_path, MANY, TEXT)
     assert [mark.labels["state"] for mark in anna.marks] == ["stable", "slip", "stable"]

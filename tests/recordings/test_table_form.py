@@ -52,6 +52,54 @@ def test_columns_without_names_go_by_number(tmp_path, text):
     np.testing.assert_array_equal(table.values, WANTED)
 
 
+STAMPS = ("2024-03-01T12:00:00.010", "2024-03-01T12:00:00.020")
+
+
+@pytest.mark.parametrize(("rows", "channels", "time"), [
+    ("{t0},1.5,-2\n{t1},2.5,300\n", "2[V] 3[V]", "1[iso]"),
+    ("{t0};1,5;-2\n{t1};2,5;300\n", "2[V] 3[V]", "1[iso]"),
+    ("{t0},1.5,-2\n{t1},2.5,300\n", "2[V] 3[V]", "rate:100Hz"),
+    ("{t0},1.5,-2\n{t1},2.5,300\n", "*[V]", "1[iso]"),
+    ("1.5,{t0},-2,2\n2.5,{t1},300,2\n", "1[V] 3[V]", "2[iso]"),
+    ("12:00:00.010 1.5 -2\n12:00:00.020 2.5 300\n", "2[V] 3[V]", "1[iso]"),
+    ("10,cup,1.5,-2\n20,cup,2.5,300\n", "3[V] 4[V]", "1[ms]"),
+    ("cup,1.5,-2\negg,2.5,300\n", "2[V] 3[V]", "rate:100Hz"),
+    ("# from {t0}\ncup;1,5;-2,0\negg;2,5;300,0\n", "2[V] 3[V]", "rate:100Hz"),
+])  # fmt: skip
+def test_a_first_row_with_words_is_a_scan_and_names_no_column(tmp_path, rows, channels, time):
+    """No line of names holds a time stamp, or numbers where channels are asked for by number."""
+    path = tmp_path / "a.csv"
+    path.write_text(rows.format(t0=STAMPS[0], t1=STAMPS[1]))
+    table = read(path, channels, time)
+
+    np.testing.assert_array_equal(table.values, WANTED)
+    np.testing.assert_allclose(np.diff(table.time_s), 0.01, rtol=1e-4)
+
+
+def test_one_row_alone_with_a_time_stamp_is_a_scan(tmp_path):
+    (tmp_path / "a.csv").write_text(f"{STAMPS[0]},1.5,-2\n")
+    assert read(tmp_path / "a.csv", "2[V] 3[V]", "1[iso]").values.tolist() == [WANTED[0]]
+
+
+@pytest.mark.parametrize(("text", "channels", "time"), [
+    ("t,0.5,1.0\n10,1.5,-2\n20,2.5,300\n", "2[V] 3[V]", "1[ms]"),  # a word above numbers
+    ("t,2,3\n10,1.5,-2\n20,2.5,300\n", "2[V] 3[V]", "t[ms]"),
+    ("at,12:00,12:05\n10,1.5,-2\n20,2.5,300\n", "2[V] 3[V]", "1[ms]"),
+    ("shape,0.5,1.0\ncup,1.5,-2\negg,2.5,300\n", "0.5[V] 1.0[V]", "rate:100Hz"),
+    ("shape,2,3\ncup,1.5,-2\negg,2.5,300\n", "2[V] 3[V]", "rate:100Hz"),
+    ("clock,a,b\n12:00:00.010,1.5,-2\n12:00:00.020,2.5,300\n", "2[V] 3[V]", "1[iso]"),
+])  # fmt: skip
+def test_a_line_of_names_may_hold_numbers(tmp_path, text, channels, time):
+    (tmp_path / "a.csv").write_text(text)
+    np.testing.assert_array_equal(read(tmp_path / "a.csv", channels, time).values, WANTED)
+
+
+def test_names_that_count_columns_are_not_taken_for_a_row(tmp_path):
+    (tmp_path / "a.csv").write_text("shape,0,1,2\ncup,1.5,-2,3\negg,2.5,300,3\n")
+    with pytest.raises(BadTable, match=r"'3'.*if line 1 holds values, put names above"):
+        read(tmp_path / "a.csv", "2[V] 3[V]", "rate:100Hz")
+
+
 def test_a_row_below_a_remark_of_names_is_a_scan_though_it_counts(tmp_path):
     (tmp_path / "a.csv").write_text("#t,a,b\n1,2,3\n2,4,6\n")
     table = read(tmp_path / "a.csv")

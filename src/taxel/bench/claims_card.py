@@ -185,13 +185,14 @@ def _transition_rows(data: Mapping[str, Any], stamp: str) -> list[Row]:
     for row in data["rows"]:
         if row["weights"] == "RANDOM":
             continue  # its accuracy says nothing of a trained backbone
+        seen = f"; seen as {row['tare']}" if row.get("tare") else ""
         for what, scores in ((ONE_CUP, row["single"]), (EVERY_CUP, row["every_cup"])):
             if scores is not None:
                 low, high = scores["interval"]
                 rows.append(Row(name=grasp_row(row["plan"]["model"], row["plan"]["frames"], what),
                                 value=scores["accuracy"], unit="accuracy", goal="", ok=None,
                                 note=f"95 % {low:.3f} … {high:.3f}; rule {data['rule']}; weights "
-                                f"{row['weights']} {row.get('origin', '')}".rstrip() + ran,
+                                f"{row['weights']} {row.get('origin', '')}".rstrip() + ran + seen,
                                 stamp=stamp))  # fmt: skip
     for step in data["steps"]:
         rows.append(Row(name=grasp_row(step["model"], step["frames"], STEP),

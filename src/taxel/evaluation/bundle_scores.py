@@ -31,7 +31,7 @@ from taxel.evaluation.fold_table import FoldTable, read_fold_table
 from taxel.evaluation.metrics import accuracy_interval, cross_entropy
 from taxel.evaluation.part_scores import Parts, score_parts
 from taxel.evaluation.run_scores import reliability
-from taxel.evaluation.table_split import trials_to_score
+from taxel.evaluation.table_split import idle_note, rows_in_no_trial, trials_to_score
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import coarsest_group, lone_group
 from taxel.recordings.reader import list_recordings
@@ -105,7 +105,7 @@ def score_bundle(
     Raises:
         BadBundle: The recordings are of another array.
         BadDataset: There is no window, or no trial has the label.
-        BadTable: The table cannot be read, has several folds, or tests what is not there.
+        BadTable: The table cannot be read, has several folds, or names what is not there.
         BadSplit: It puts a trial on both sides, or there is nothing to test.
     """
     contract = bundle.contract
@@ -125,6 +125,7 @@ def _test_part(
 ) -> Dataset:
     """Return the trials that a table tests, with notes of what was left out."""
     known = {file.name.removesuffix(".mcap") for file in list_recordings(folder)}
+    idle = rows_in_no_trial(table, dataset)
     tested = trials_to_score(table, dataset.trials, known)
     part = dataset.only_trials(tested)
     left = [trial for i, trial in enumerate(dataset.trials) if i not in tested]
@@ -132,6 +133,7 @@ def _test_part(
     if left:
         notes.append(f"{len(left)} of {len(dataset.trials)} trials are not in the test part of "
                      f"{table.name}: left out")  # fmt: skip
+    notes += idle_note(table, [row for row in idle if row.side == "test"])
     both = {trial.recording for trial in left} & {
         name for name, own in part.fingerprints.items() if fingerprint_of(own) in learned
     }

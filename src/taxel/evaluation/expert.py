@@ -149,6 +149,7 @@ def train_expert(
         if task.check:
             score = check_choice(base, cut, like, folds, seed, on_step)
             expert = _with_score(expert, score)
+        expert = replace(expert, notes=(*expert.notes, *_table_notes(base, folds, task.split)))
         return replace(expert, seconds=perf_counter() - started)
     if task.check or task.split.leaves_unseen:
         check_training_parts(base, folds)
@@ -158,7 +159,7 @@ def train_expert(
     checked = len(folds.folds) * task.check
     same = checked == 1 and _trains_on(folds, own)
     budget = Budget(max(0.0, planned), 1 if same else checked + 1)
-    effort = Effort(budget=budget, seed=seed, kept=kept, on_step=on_step)
+    effort = Effort(budget=budget, seed=seed, kept=kept, on_step=on_step, most_us=limits.bare_us)
     on_step(f"choosing on {_PART if same else _ALL}")
     found = choose(base, prepared, own, _held(base, folds), effort)
 
@@ -173,12 +174,17 @@ def train_expert(
         nested = check_choosing(base, prepared, folds, effort, task.bars, limits, known)
     fitted = fitted or fitted_on(_ALL)
     expert = _within(found, fitted, own, nested, limits, reject_novel, seed)
-    if task.split.given.table is not None:
-        both = objects_on_both(base.trials, base.y, folds)
-        expert = replace(expert, notes=(*expert.notes, *both))
+    expert = replace(expert, notes=(*expert.notes, *_table_notes(base, folds, task.split)))
     kept.forget()
     bars_s = 0.0 if nested is None else nested.bars_s
     return replace(expert, tries_kept=kept.used, seconds=perf_counter() - started - bars_s)
+
+
+def _table_notes(base: Base, folds: Split, split: OuterSplit) -> tuple[str, ...]:
+    """Return what must be said of a table of folds; nothing where there is none."""
+    if split.given.table is None:
+        return ()
+    return (*folds.notes, *objects_on_both(base.trials, base.y, folds))
 
 
 def _learned_from(base: Base, folds: Split, split: OuterSplit) -> list[int]:

@@ -116,6 +116,8 @@ class Split:
     """Development part against the test part; None where all data is in the folds."""
     key: str | None = None
     """The group that it was asked to hold out, such as "session"; None where it names none."""
+    notes: tuple[str, ...] = ()
+    """What a reader must know of a table: trials that it does not name, lines without a trial."""
 
 
 def random_windows(dataset: Dataset, target: str, folds: int, seed: int, test: float) -> Split:

@@ -18,6 +18,7 @@ from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_t
 from taxel.evaluation.shared_values import objects_on_both
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.labels.trials import Trial
+from taxel.plain_text import figures
 from taxel.recordings.reader import list_recordings
 from taxel.windows.dataset import LABEL_THEM, Dataset
 from taxel.windows.joining import join_datasets
@@ -77,8 +78,7 @@ def split_elsewhere(
     split = split_by_table(table, dataset, target, known)
     labels = [trial.labels[target] for trial in dataset.trials]
     both = objects_on_both(dataset.trials, np.unique(labels, return_inverse=True)[1], split)
-    notes = (*_left_out(dataset, split), *both)
-    return replace(dataset, notes=(*dataset.notes, *notes)), split
+    return replace(dataset, notes=(*dataset.notes, *split.notes, *both)), split
 
 
 def training_part(path: Path, dataset: Dataset, target: str, given: Elsewhere) -> Dataset:
@@ -114,12 +114,14 @@ def split_by_table(
         recordings: Names of all recordings of the folder, also of those that gave no window.
 
     Raises:
-        BadTable: A row names no recording or group of the folder.
+        BadTable: A row names no recording or group of the folder, or a moment outside its
+            recording.
         BadSplit: A trial stands on both sides of a fold or is tested twice, or there is nothing
             to train on or to test.
     """
     owners = [trials_of_row(row, table, dataset.trials, recordings, dataset.unlabelled)
               for row in table.rows]  # fmt: skip
+    idle = rows_in_no_trial(table, dataset)
     lacking = {i for i, row in enumerate(table.rows) if _moved(row, dataset.unlabelled)}
     folds = []
     for fold in table.folds:
@@ -131,7 +133,8 @@ def split_by_table(
     refuse_twice(table.name, [trial.groups["trial"] for trial in dataset.trials],
                  [sum(i in fold.test for fold in folds) for i in range(len(dataset.trials))],
                  )  # fmt: skip
-    return Split(table.split, tuple(folds), None, table.rows[0].key)
+    split = Split(table.split, tuple(folds), None, table.rows[0].key)
+    return replace(split, notes=(*_left_out(dataset, split), *idle_note(table, idle)))
 
 
 def trials_to_score(
@@ -223,6 +226,34 @@ def trials_of_row(
         raise BadTable("a recording of the folder", f"{row.value!r} in {table.where(row)}",
                        "correct its name, or leave the row out")  # fmt: skip
     return _moved(row, trials)
+
+
+def rows_in_no_trial(table: FoldTable, dataset: Dataset) -> list[FoldRow]:
+    """Return the rows that begin within a recording that is there, and in no trial of it.
+
+    Raises:
+        BadTable: One begins outside its recording.
+    """
+    there = (*dataset.trials, *dataset.unlabelled, *dataset.empty)
+    found = [row for row in table.rows if row.start_s == row.start_s and row.value in dataset.spans
+             and not _moved(row, there)]  # fmt: skip
+    for row in found:
+        first_s, last_s = dataset.spans[row.value]
+        if not first_s - _SLACK_S <= row.start_s <= last_s + _SLACK_S:
+            first, last, got = figures(first_s, last_s, row.start_s)
+            raise BadTable(f"a moment within {first} and {last} s, as {row.value} lasts",
+                           f"{got} s in {table.where(row)}",
+                           "give start_s on the recording's own clock, see taxel info",
+                           )  # fmt: skip
+    return found if dataset.reference is None else []  # its reference touches are no trials here
+
+
+def idle_note(table: FoldTable, rows: Sequence[FoldRow]) -> list[str]:
+    """Return a note of rows that begin in no trial."""
+    if not rows:
+        return []
+    return [f"{len(rows)} of {len(table.rows)} rows of {table.name} begin in no trial, such as "
+            f"line {rows[0].line}: left out"]  # fmt: skip
 
 
 def _some(values: Sequence[str]) -> str:

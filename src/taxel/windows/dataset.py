@@ -73,6 +73,8 @@ class Dataset:
     """Trials that gave windows and were left out, as they lack the label that is predicted."""
     empty: tuple[Trial, ...] = ()
     """Trials that gave no window."""
+    spans: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Recording's name without ending → its first and last scan, seconds on its fitted clock."""
 
     def __len__(self) -> int:
         return len(self.windows)
@@ -155,7 +157,7 @@ def load_dataset(
     owners: list[NDArray[np.intp]] = []
     outside = stale = 0
     digest = hashlib.sha256()
-    fingerprints = {}
+    fingerprints, spans = {}, {}
     for file in paths:
         recording = read_recording(file)
         content = recording.samples.values.tobytes()
@@ -165,13 +167,9 @@ def load_dataset(
         check_sensor(sensor, recording.manifest.sensor, file, config)
         if not len(recording.samples):
             continue
-        own = trials_of(
-            file,
-            recording.manifest,
-            recording.marks,
-            float(recording.samples.fitted_s[0]),
-            float(recording.samples.fitted_s[-1]),
-        )
+        ends = recording.samples.fitted_s[[0, -1]].tolist()
+        spans[file.stem] = ends[0], ends[1]
+        own = trials_of(file, recording.manifest, recording.marks, *spans[file.stem])
         windows = cut_windows(recording.samples, config, recording.manifest.sensor)
         owner = _owners(windows, own)
         wanted = np.array([_matches(trial, where or {}) for trial in own], bool)
@@ -186,7 +184,7 @@ def load_dataset(
     cut = _Cut(Windows.join(parts), np.concatenate(owners), trials, sensor, outside, stale)
     made = _assemble(cut, config, keep=unusable)
     made = replace(
-        made, digest=digest.hexdigest(), fingerprints=fingerprints,
+        made, digest=digest.hexdigest(), fingerprints=fingerprints, spans=spans,
         notes=(*rates_note(config, rates_hz), *made.notes),
     )  # fmt: skip
     if target is None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from taxel.evaluation.audit.names import near, near_names
 from taxel.evaluation.audit.nuisances import read_first, read_length, read_level
 from taxel.evaluation.audit.order import measure_order
 from taxel.evaluation.audit.shared import shared_copies
-from taxel.evaluation.audit.sides import named_sides
+from taxel.evaluation.audit.sides import named_sides, table_sides
 from taxel.evaluation.audit.touch_set import TouchSet, group_values
 
 Make = dict[str, Callable[..., TouchSet]]
@@ -65,6 +66,41 @@ def test_a_split_that_mixes_times_leaks_and_one_that_does_not_is_clear(make_set:
 
     assert sorted_out(touch, "random")["order effect"].verdict == "leak"
     assert sorted_out(touch, "group:session")["order effect"].verdict == "clear"
+
+
+def numbered(touch: TouchSet) -> TouchSet:
+    """Return trials that are of no session, and count up as recorded."""
+    return replace(touch, trials=tuple(
+        replace(t, groups={**{key: t.groups[key] for key in ("recording", "trial")},
+                           "trial_number": str(i)})
+        for i, t in enumerate(touch.trials)))  # fmt: skip
+
+
+@pytest.mark.parametrize("share", [30, 50, 70, 90])
+def test_a_split_that_tests_only_what_was_recorded_later_is_clear(
+    make_set: Make, share: int
+) -> None:
+    """It is the remedy that the finding itself names, whatever share it trains on."""
+    found = sorted_out(numbered(with_drift(make_set["array"](trials=120))),
+                       f"order:trial_number:{share}%")["order effect"]  # fmt: skip
+
+    assert found.verdict == "clear"
+    assert "this split keeps them apart" in found.said
+
+
+def test_earlier_trials_tested_beside_later_ones_in_training_are_a_leak(
+    make_set: Make, tmp_path: Path
+) -> None:
+    """By a table: the first quarter tested; or trials within the first half that lie between."""
+    touch = numbered(with_drift(make_set["array"](trials=120)))
+    for tested in (range(30), range(15, 45)):
+        lines = (f"{t.recording},{'test' if i in tested else 'train'}\n"
+                 for i, t in enumerate(touch.trials))  # fmt: skip
+        (tmp_path / "folds.csv").write_text("recording,side\n" + "".join(lines))
+        case = make_case(touch, table_sides(touch, tmp_path / "folds.csv", 10), 10, 0)
+        gap = measure_order(case)
+        assert not isinstance(gap, Finding)
+        assert gap[0].finding(gap[0].p).verdict == "leak"
 
 
 def test_order_that_nobody_knows_is_not_checked(make_set: Make) -> None:

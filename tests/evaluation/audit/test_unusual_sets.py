@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from trial_makers import Write, as_avi, as_folder, write_trials
 
-from taxel.errors import BadDataset
+from taxel.errors import BadDataset, BadSplit, BadTable
 from taxel.evaluation.audit.affine import scaled_over_channels
 from taxel.evaluation.audit.audit import audit, make_case
 from taxel.evaluation.audit.copies import near_copies, rows_backwards, same_rows
@@ -18,7 +18,7 @@ from taxel.evaluation.audit.origins import read_origins
 from taxel.evaluation.audit.reading import read_touch
 from taxel.evaluation.audit.scaled import scaled_values
 from taxel.evaluation.audit.shared import shared_names
-from taxel.evaluation.audit.sides import named_sides
+from taxel.evaluation.audit.sides import named_sides, table_sides
 from taxel.evaluation.audit.touch_set import TouchSet, checked, usual_steps
 from taxel.recordings.imports.importing import import_table
 
@@ -87,6 +87,39 @@ def test_single_readings_are_audited_and_what_needs_time_is_named(tmp_path: Path
     assert any("length, place, first row, level" in note for note in found.notes)
     assert verdicts["duplicates"] == verdicts["near-duplicates"] == "not checked"
     assert not {"length", "place", "first frame", "level", "augmented copies"} & verdicts.keys()
+
+
+def with_a_short_trial(folder: Path) -> TouchSet:
+    """Return 18 marked trials of ten rows, with one of one row at 9.9 s and one without a label."""
+    (folder / "a.csv").write_text("x,y\n" + "".join(f"{i % 7},{i % 3}\n" for i in range(220)))
+    (folder / "t.csv").write_text("file,channels,time\na.csv,x[N] y[N],rate:10Hz\n")
+    spans = "".join(f"{i},{i + (0.9 if i == 9 else 1)},{'xy'[i % 2]}\n" for i in range(20))
+    (folder / "i.csv").write_text(f"start_s,end_s,label:outcome\n{spans}9.9,10,x\n")
+    import_table(folder / "t.csv", folder / "set", intervals=folder / "i.csv")
+    touch = read_touch(folder / "set", "outcome", lambda *_: None)
+    return replace(touch.only(np.arange(19)), left_out=(
+        *touch.left_out, replace(touch.trials[19], labels={})))  # fmt: skip
+
+
+def test_lines_of_trials_that_are_left_out_are_passed_over(tmp_path: Path) -> None:
+    """As `train` takes them: the line of a trial of one row, and of one without the label."""
+    touch = with_a_short_trial(tmp_path)
+    starts = [*map(float, range(20)), 9.9]
+    lines = [f"a,{start},{'train' if start < 8 else 'test'}" for start in starts]
+    table = tmp_path / "folds.csv"
+    table.write_text("\n".join(["recording,start_s,side", *lines]) + "\n")
+
+    pieces, sides = table_sides(touch, table, steps=4)
+
+    assert "1 trials have fewer than 3 rows: left out" in touch.notes
+    assert pieces.trial.tolist() == list(range(19))
+    assert [len(side) for side in sides.folds[0]] == [8, 11]
+    table.write_text("recording,start_s,side\na,1,train\na,9.9,test\n")
+    with pytest.raises(BadSplit, match=r"trials to test in test; got none: .*left out"):
+        table_sides(touch, table, steps=4)
+    table.write_text("recording,start_s,side\na,1,train\na,21,test\n")
+    with pytest.raises(BadTable, match=r"folds\.csv, line 3, which lies in none"):
+        table_sides(touch, table, steps=4)
 
 
 def readings(touch: TouchSet, channels: int = 12, step: float = 0.001) -> TouchSet:

@@ -70,6 +70,17 @@ def test_long_trials_are_cut_in_ways_that_a_bundle_can_hold(base: Base):
     assert json.dumps([asdict(config) for config in found])
 
 
+def test_a_knock_is_a_window_as_a_whole_however_many_rows_a_microphone_gives(base: Base):
+    """40,000 rows of 2.5 s: of windows of 400 rows nearly all would hold nothing of the knock."""
+    rows = np.full(len(base.rows), 40_000)
+    sensor = replace(base.dataset.sensor, rate_hz=16_000.0)
+    heard = replace(base, rows=rows, dataset=replace(base.dataset, sensor=sensor))
+
+    assert [config.steps for config in candidate_windows(heard)] == [40_000, 400, 100, 25]
+    slow = replace(base, rows=rows)  # the same at 50 Hz takes 13 minutes
+    assert [config.steps for config in candidate_windows(slow)] == [400, 100, 25]
+
+
 class Frozen:
     """A clock that goes on by a second at each look."""
 
@@ -160,7 +171,7 @@ def test_one_training_part_is_chosen_for_once_and_its_own_choice_is_scored(
     recordings: Path, tmp_path: Path
 ):
     table = tmp_path / "folds.csv"
-    sides = {"s0": "train", "s1": "train", "s2": "train", "s3": "test"}
+    sides = {"s0": "unused", "s1": "train", "s2": "train", "s3": "test"}
     table.write_text("group:session,side\n" + "".join(f"{s},{o}\n" for s, o in sides.items()))
     said: list[str] = []
 
@@ -174,6 +185,9 @@ def test_one_training_part_is_chosen_for_once_and_its_own_choice_is_scored(
         "choosing on the training part", "training what was chosen on the training part",
     ]  # fmt: skip
     assert found.nested.scores.scores.accuracy > 0.9
+    assert [note for note in found.notes if "no side" in note] == [
+        "4 of 16 trials stand on no side of folds.csv, session held out: left out"
+    ]
 
 
 @pytest.mark.slow

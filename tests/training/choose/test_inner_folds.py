@@ -48,6 +48,21 @@ def test_the_group_that_a_split_names_is_held_out_though_a_coarser_one_is_new_to
     assert what_is_held(own, ONE_CLASS[:16], *sides, "object") == Held("object")
 
 
+def test_a_named_group_is_held_out_although_two_of_its_values_are_left():
+    """Three objects, each held out in turn: single trials would be judged beside their own
+    object's, which says nothing of an object to come."""
+    own = trials(object=[f"o{i // 6}" for i in range(18)])
+    sides = range(12), range(12, 18)
+
+    held = what_is_held(own, ONE_CLASS[:18], *sides, "object")
+
+    assert held == Held("object")
+    assert what_is_held(own, ONE_CLASS[:18], *sides) == Held(None)
+    y = np.tile([0, 1], 9)
+    fold = inner_folds(own, y, range(12), held)
+    assert [set(fold[:6]), set(fold[6:])] in ([{0}, {1}], [{1}, {0}])
+
+
 def test_a_named_group_that_is_on_both_sides_is_not_what_is_held_out():
     own = trials(object=[f"o{i // 4}" for i in range(16)], hand=["left", "right"] * 8)
 

@@ -41,6 +41,43 @@ def found(recordings: Path) -> Found:
     return choose(base, prepare_all(base), TRAIN, Held("session"), effort)
 
 
+def slow_quantiles(models: Sequence[nn.Module], *_: object) -> list[float]:
+    """Each block takes 100 µs, quantiles 3,000."""
+    return [
+        sum(3000.0 if block == "quantiles" else 100.0 for block in features.blocks)
+        for features in (model.features for model in models)  # type: ignore[union-attr]
+    ]
+
+
+def test_features_that_alone_take_too_long_are_not_tried(
+    recordings: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """With 486 taxels all sets but channel means took 2 ms or more: every try was in vain."""
+    monkeypatch.setattr("taxel.training.choose.pieces.LARGE", 100)
+    base = load_base(recordings, "kind")
+    prepared = prepare_all(base)
+    whole = choose(base, prepared, TRAIN, Held("session"), Effort(budget=Budget(1e6)))
+    effort = Effort(budget=Budget(1e6), pieces=Pieces(slow_quantiles), most_us=1700.0)
+    found = choose(base, prepared, TRAIN, Held("session"), effort)
+
+    assert whole.choice().slow == ()
+    assert found.choice().slow == ("quantiles",)
+    assert not any("quantiles" in blocks for blocks in found.sets.values())
+    assert found.sets["all"] == tuple(b for b in whole.sets["all"] if b != "quantiles")
+    # 100 µs allow for no more than a block: sets are told apart no longer, and none is lost.
+    few, _ = Pieces(slow_quantiles).quick_sets(whole.sets, whole.part.prepared, 270.0)
+    assert {len(blocks) for blocks in few.values()} == {1}
+    assert next(iter(few)) != "means"
+
+
+def test_features_of_small_windows_are_not_timed(found: Found):
+    def never(*_: object) -> list[float]:
+        raise AssertionError
+
+    sets, slow = Pieces(never).quick_sets(found.sets, found.part.prepared, 1.0)
+    assert (sets, slow) == (found.sets, ())
+
+
 class Timed(Pieces):
     """Pieces that take what a function of the choice says."""
 

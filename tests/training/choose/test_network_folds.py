@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -82,6 +83,31 @@ def test_what_would_outlast_its_time_is_broken_off(
     assert (folds.logits() is not None) is tried
     assert len(trained) == (len(folds.folds) if tried else 1)
     assert folds.seconds == 10.0 * len(trained)
+
+
+@pytest.mark.parametrize(
+    ("allowed_s", "must", "tried"), [(40.0, False, True), (9.0, False, False), (9.0, True, True)]
+)
+def test_what_will_take_far_too_long_is_broken_off_within_its_first_fold(
+    part: Part, monkeypatch: pytest.MonkeyPatch, allowed_s: float, must: bool, tried: bool
+):
+    """After two of eight epochs a fold is seen to take 10 s, so that two turns will take 20."""
+    clock = Clock()
+    budget = Budget(allowed_s / 0.75, clock=clock)
+    budget.begin()
+    folds = NetworkFolds(part, NETWORK, 0, budget, must=must)
+
+    def train(*given: Any) -> None:
+        for epoch in range(1, 9):
+            clock.now += 10.0 / 8
+            given[-1](epoch / 8)
+
+    monkeypatch.setattr("taxel.training.choose.network_folds.train_network", train)
+    for fold in folds.folds:
+        folds.run(fold)
+
+    assert (folds.logits() is not None) is tried
+    assert folds.seconds == pytest.approx(10.0 * len(folds.folds) if tried else 2.5)
 
 
 def test_what_was_seen_to_take_too_long_does_not_begin(part: Part):

@@ -49,8 +49,9 @@ def measure_order(case: Case) -> list[Gap | Reading] | Finding:
                  f"{LEAST_CELL} trials: earlier ones cannot be set against them.",
         )  # fmt: skip
     values = np.stack([sum_up(rows) for rows in touch.rows])
-    return [_cost(case, values, late, kept, cells, how), _drift(case, values, late, kept, cells,
-                                                                how)]  # fmt: skip
+    mixes = _mixes(case, order, kept, cells)
+    return [_cost(case, values, late, kept, cells, how, mixes),
+            _drift(case, values, late, kept, cells, how)]  # fmt: skip
 
 
 def _order(touch: TouchSet) -> tuple[Array | None, str]:
@@ -92,7 +93,7 @@ def _halves(order: Array, cells: NDArray[np.intp]) -> tuple[NDArray[np.bool_], N
 
 def _cost(
     case: Case, values: NDArray[np.float32], late: NDArray[np.bool_], kept: NDArray[np.bool_],
-    cells: NDArray[np.intp], how: str,
+    cells: NDArray[np.intp], how: str, mixes: bool | None,
 ) -> Gap:  # fmt: skip
     """Return later trials predicted from earlier ones alone, beside trials of any time."""
     y = case.touch.y
@@ -115,7 +116,7 @@ def _cost(
         strictly=f"as many earlier ones only, tested on later ones (by {how})",
         mend="record classes in mixed order over several sessions, and test on what was recorded "
              "later, as with --split order:KEY:70%",
-        split_does=_mixes(case, late, kept, cells), units=int(late.sum()),
+        split_does=mixes, units=int(late.sum()),
     )  # fmt: skip
 
 
@@ -160,14 +161,23 @@ def _random_halves(
 
 
 def _mixes(
-    case: Case, late: NDArray[np.bool_], kept: NDArray[np.bool_], cells: NDArray[np.intp]
+    case: Case, order: Array, kept: NDArray[np.bool_], cells: NDArray[np.intp]
 ) -> bool | None:
-    """Return whether the split given trains on later trials of a cell whose earlier it tests."""
+    """Return whether the split given trains on trials of a cell that are no earlier than one that
+    it tests; testing only what was recorded later than all of the cell's training is no leak.
+    """
     if case.sides is None:
         return None
-    trial = case.pieces.trial
     for train, test in case.sides.folds:
-        learned = {int(cells[t]) for t in set(trial[train]) if kept[t] and late[t]}
-        if learned & {int(cells[t]) for t in set(trial[test]) if kept[t]}:
-            return True
+        learned, tested = (_own(case.pieces.trial[side], kept) for side in (train, test))
+        for cell in set(cells[learned]) & set(cells[tested]):
+            last = order[learned[cells[learned] == cell]].max()
+            if last >= order[tested[cells[tested] == cell]].min():
+                return True
     return False
+
+
+def _own(trials: NDArray[np.intp], kept: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return each of the trials once, of those that are in a cell that is halved."""
+    once = np.unique(trials)
+    return once[kept[once]]

@@ -294,7 +294,8 @@ def _assemble(
 ) -> TouchSet:
     trials: list[Trial] = []
     rows, times, created, files = [], [], [], []
-    short, least = 0, _least_rows(reads, kind)
+    short: list[Trial] = []
+    least = _least_rows(reads, kind)
     for read in reads:
         if read.rows.shape[1] != len(views):
             raise BadDataset(f"{len(views)} channels in every recording",
@@ -303,7 +304,7 @@ def _assemble(
                              )  # fmt: skip
         for trial, inside in _spans(read):
             if inside.stop - inside.start < least:
-                short += 1
+                short.append(trial)
                 continue
             trials.append(trial)
             rows.append(read.rows[inside])
@@ -314,14 +315,15 @@ def _assemble(
     if short and not trials:
         raise BadDataset(
             f"trials of at least {least} {what}, to look for copies, drift and leaks in",
-            f"{short} trials, all shorter", "judge single images under splits of their groups: "
+            f"{len(short)} trials, all shorter",
+            "judge single images under splits of their groups: "
             "taxel evaluate-trials --split group:KEY" if kind == "camera" else
             "mend the times of the trials",
         )  # fmt: skip
-    if short > len(trials):
+    if len(short) > len(trials):
         raise BadDataset(
             f"trials of at least {least} {what}, or single readings alone",
-            f"{short} shorter ones beside {len(trials)}", "put them into different folders",
+            f"{len(short)} shorter ones beside {len(trials)}", "put them into different folders",
         )  # fmt: skip
     target, notes = _target(trials, target)
     if least < LEAST_ROWS:
@@ -329,7 +331,7 @@ def _assemble(
                   " not checked: length, place, first row, level, windows, copies turned round",
                   )  # fmt: skip
     if short:
-        notes += (f"{short} trials have fewer than {least} {what}: left out",)
+        notes += (f"{len(short)} trials have fewer than {least} {what}: left out",)
     every = {read.name: read.every for read in reads if read.every > 1}
     if every:
         rate = " or ".join(map(str, sorted(set(every.values()))))
@@ -351,6 +353,7 @@ def _assemble(
         created=tuple(created),
         files=tuple(files),
         notes=notes,
+        left_out=(*short, *(trial for trial in trials if target not in trial.labels)),
         every=every,
         scans={read.name: read.scans for read in reads if read.scans is not None},
     )

@@ -15,7 +15,7 @@ import numpy as np
 from taxel.errors import BadSplit, BadTable
 from taxel.evaluation.audit.evidence import Fold
 from taxel.evaluation.audit.touch_set import Pieces, TouchSet, as_dataset, cut_pieces
-from taxel.evaluation.fold_table import FoldRow, FoldTable, read_fold_table
+from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_table
 from taxel.evaluation.shared_values import can_be_held_out
 from taxel.evaluation.splits import TrialFold, parse_split
 from taxel.labels.trials import OBJECTS
@@ -100,8 +100,11 @@ def table_sides(
 ) -> tuple[Pieces, Sides]:
     """Return the pieces and folds that a table names.
 
+    Rows of trials that are left out, as too short or without the label, are passed over.
+
     Raises:
         BadTable: It cannot be read, or a row fits no trial.
+        BadSplit: All that a fold trains on or tests is left out.
     """
     table = read_fold_table(path)
     parts: list[_Piece] = []
@@ -110,6 +113,8 @@ def table_sides(
         for part in _pieces_of(touch, row, steps, table):
             parts.append(part)
             owner.append(number)
+    for fold in table.folds:
+        _refuse_empty(table.name, fold, set(owner))
     trial, first, stop, view, label = zip(*parts, strict=True)
     pieces = Pieces(
         trial=np.array(trial, np.intp), first=np.array(first, np.intp),
@@ -137,6 +142,17 @@ def folder_sides(
     return pieces, Sides(name=name, folds=(fold,), claimed=claimed)
 
 
+def _refuse_empty(table: str, fold: RowFold, found: set[int]) -> None:
+    """Refuse a fold of which a side is left out whole; `found` are the rows that fit a trial."""
+    for what, rows in (("train on", fold.train + fold.validation), ("test", fold.test)):
+        if not found.intersection(rows):
+            raise BadSplit(
+                f"trials to {what} in {fold.name}",
+                f"none: those that the rows of {table} name are left out, as too short or without "
+                "the label", "choose other trials, or label them",
+            )  # fmt: skip
+
+
 _Piece = tuple[int, int, int, str, float]
 """Trial, first row, row behind the last, view, and label's moment."""
 
@@ -144,10 +160,11 @@ _Piece = tuple[int, int, int, str, float]
 def _pieces_of(touch: TouchSet, row: FoldRow, steps: int, table: FoldTable) -> list[_Piece]:
     where = table.where(row)
     own = [i for i, trial in enumerate(touch.trials) if trial.groups.get(row.key) == row.value]
-    if not own:
+    left = [trial for trial in touch.left_out if trial.groups.get(row.key) == row.value]
+    if not own and not left:
         what = "a recording" if row.key == "recording" else f"a value of the group {row.key!r}"
         raise BadTable(f"{what} of the folder", f"{row.value!r} in {where}",
-                       "correct its name; trials without the label are left out")  # fmt: skip
+                       "correct its name, or leave the row out")  # fmt: skip
     if row.view and row.view not in touch.views:
         known = ", ".join(dict.fromkeys(touch.views))
         # An array's fingers have no names of their own: any word does.
@@ -169,5 +186,7 @@ def _pieces_of(touch: TouchSet, row: FoldRow, steps: int, table: FoldTable) -> l
             stop = min(first + steps, len(time_s))
         if stop > first:
             return [(i, first, stop, row.view, row.label_s)]
+    if any(trial.start_s - _SLACK_S <= row.start_s <= trial.end_s + _SLACK_S for trial in left):
+        return []
     raise BadTable("a stretch within a labelled trial", f"{where}, which lies in none",
                    "give start_s on the recording's own clock, see taxel info")  # fmt: skip

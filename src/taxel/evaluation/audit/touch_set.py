@@ -60,6 +60,8 @@ class TouchSet:
     files: tuple[Mapping[str, str], ...]
     """What the file says beside labels and groups: serial number, rate, size …"""
     notes: tuple[str, ...] = ()
+    left_out: tuple[Trial, ...] = ()
+    """Trials that are there and are not audited: too short, or without the label."""
     every: Mapping[str, int] = field(default_factory=dict)
     """Recording → of so many rows one is held; only those that are thinned, in too large a set."""
     scans: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
@@ -128,6 +130,7 @@ def joined(first: TouchSet, second: TouchSet) -> TouchSet:
         created=first.created + second.created,
         files=first.files + second.files,
         notes=tuple(dict.fromkeys((*first.notes, *second.notes))),
+        left_out=first.left_out + tuple(renamed(trial) for trial in second.left_out),
         every={**first.every, **{there[name]: n for name, n in second.every.items()}},
         scans={**first.scans, **{there[name]: own for name, own in second.scans.items()}},
     )

@@ -82,6 +82,8 @@ class TableRow:
     """ImageNet, file:NAME or RANDOM."""
     origin: str
     """Where the weights come from; empty where nothing is known of it."""
+    tare: Tare
+    """How features were taken against the grasp at rest."""
     parameters: int
     published_ms: float | None
     """Milliseconds a step on the paper's RTX 4090."""
@@ -196,6 +198,7 @@ def measure_rows(
                 plan=plan,
                 weights=own.weights,
                 origin=own.origin,
+                tare=own.tare or base.tare,
                 parameters=parameters,
                 published_ms=model.published.step_ms if model.published else None,
                 published_mb=model.published.size_mb if model.published else None,

@@ -267,7 +267,10 @@ def _marks(
         )  # fmt: skip
     columns = list(row.by_row.values())
     if row.trial is None:
-        rows = list(text_cells(row.file, columns)[1])
+        where = f"the row of {row.file.name}"
+        others = tables.names_of(tables.parse_columns(row.channels, where),
+                                 tables.parse_time(row.time, where))  # fmt: skip
+        rows = list(text_cells(row.file, columns, others)[1])
         cells = [[own[place] for own in rows] for place in range(len(columns))]
     else:
         assert isinstance(row.trial.source, TextTrials)

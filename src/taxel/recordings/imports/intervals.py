@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.foreign.array_files import ARRAY_ENDINGS
+from taxel.plain_text import figures
 from taxel.recordings.imports.own_groups import refuse_own_groups
 from taxel.recordings.imports.spelling import column_name, composed
 from taxel.recordings.imports.table_columns import mend_number, read_cells
@@ -41,6 +42,9 @@ UNNAMED_COLUMNS = ["start_s", "end_s", "label:label"]
 """Columns of a table whose first line is no header: Audacity's label track."""
 _SLACK_S = 1e-6
 """How far a time may be off by its rounding: a double of seconds since 1970 keeps 0.2 µs."""
+_LATE = 0.5
+"""How far an end may lie behind the recording's, in scans: tables round. Source: our choice,
+docs/decisions/0011."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,9 +108,10 @@ def read_intervals(table: Path, recordings: Sequence[str]) -> dict[str, list[Int
         own.sort(key=lambda interval: interval.start_s)
         for before, after in pairwise(own):
             if after.start_s < before.end_s - _SLACK_S:
+                start, end = figures(after.start_s, before.end_s)
                 raise BadTable(
                     "intervals that do not overlap",
-                    f"{after.start_s:g} s in {after.where}, before the {before.end_s:g} s at "
+                    f"{start} s in {after.where}, before the {end} s at "
                     f"which that of {before.where} ends", "mend one of them",
                 )  # fmt: skip
     return dict(found)
@@ -120,27 +125,31 @@ def marks_of(
     Args:
         intervals: Of one recording, in the order of time.
         time_s: Fitted time of its scans, shape (n,), seconds, increasing.
-        rate_hz: Its scans a second, hertz; the last scan lasts one step.
+        rate_hz: Its scans a second, hertz; the last scan lasts one step. An end up to half a step
+            behind it is its end, rounded.
 
     Raises:
         BadTable: An interval lies outside the recording, or between two scans.
     """
     since_s = time_s - time_s[:1]
-    lasts_s = float(since_s[-1]) + (1.0 / rate_hz if rate_hz > 0 else 0.0) if len(time_s) else 0.0
+    step_s = 1.0 / rate_hz if rate_hz > 0 else 0.0
+    lasts_s = float(since_s[-1]) + step_s if len(time_s) else 0.0
+    latest_s = lasts_s + max(_SLACK_S, _LATE * step_s)
     marks = []
     for interval in intervals:
-        if interval.start_s < -_SLACK_S or interval.end_s > lasts_s + _SLACK_S:
+        if interval.start_s < -_SLACK_S or interval.end_s > latest_s:
+            lasts, start, end = figures(lasts_s, interval.start_s, interval.end_s)
             raise BadTable(
-                f"an interval within 0 and {lasts_s:g} s, the recording's length",
-                f"{interval.start_s:g} to {interval.end_s:g} s in {interval.where}",
+                f"an interval within 0 and {lasts} s, the recording's length",
+                f"{start} to {end} s in {interval.where}",
                 "count seconds from the recording's first scan",
             )
         ends = np.array([interval.start_s, interval.end_s]) - _SLACK_S
         first, stop = np.searchsorted(since_s, ends).tolist()
         if first == stop:
+            start, end = figures(interval.start_s, interval.end_s)
             raise BadTable("an interval with a scan in it",
-                           f"none from {interval.start_s:g} to {interval.end_s:g} s "
-                           f"in {interval.where}",
+                           f"none from {start} to {end} s in {interval.where}",
                            "make it longer, or remove it")  # fmt: skip
         marks.append(
             Mark(
@@ -221,7 +230,8 @@ def _interval(named: Mapping[str, str], where: str) -> Interval:
     else:
         end_s = start_s + _seconds(named["duration_s"], where)
     if end_s <= start_s:
-        raise BadTable("an end after the start", f"{start_s:g} to {end_s:g} s in {where}",
+        start, end = figures(start_s, end_s)
+        raise BadTable("an end after the start", f"{start} to {end} s in {where}",
                        "mend the line, or remove it")  # fmt: skip
     return Interval(
         start_s=start_s, end_s=end_s, where=where,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -28,6 +28,7 @@ from taxel.recordings.imports.table_form import (
     cells_of,
     find_form,
     is_number,
+    is_whole,
 )
 from taxel.recordings.time_stamps import is_stamp, seconds_of
 
@@ -64,7 +65,9 @@ class TextColumns:
     """Which lines around the names are no rows, and why, for a note; or empty."""
 
 
-def text_columns(path: Path, wanted: Sequence[str], stamps: str = "") -> TextColumns:
+def text_columns(
+    path: Path, wanted: Sequence[str], stamps: str = "", beside: Collection[str] = ()
+) -> TextColumns:
     """Return the wanted columns of a text; `table_form.find_form` says how it may be written.
 
     Args:
@@ -74,11 +77,12 @@ def text_columns(path: Path, wanted: Sequence[str], stamps: str = "") -> TextCol
             numbers, these are names, and nothing is counted.
         stamps: The wanted column that holds dates or times of day, which become seconds
             (time_stamps.py); none by default.
+        beside: Columns that are taken of the file by other calls, as in `find_form`.
 
     Raises:
         BadTable: Anything in the file is not as it should be; says where.
     """
-    form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted)
+    form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted, beside)
     names = form.names
     what = f"a header with {_some(names)}" if form.named else f"{len(names)} columns, no header"
     where = _places(path, names, wanted, what)
@@ -92,26 +96,31 @@ def text_columns(path: Path, wanted: Sequence[str], stamps: str = "") -> TextCol
     )  # fmt: skip
 
 
-def text_names(path: Path, wanted: Sequence[str] = ()) -> tuple[str, ...]:
+def text_names(
+    path: Path, wanted: Sequence[str] = (), beside: Collection[str] = ()
+) -> tuple[str, ...]:
     """Return the names of a text's columns; their numbers from 1 where no line holds names.
 
     Args:
         path: The file.
         wanted: Names by which their line is known, such as that of the column of time.
+        beside: As in `find_form`.
 
     Raises:
         BadTable: As `text_columns`.
     """
-    return find_form(path, _lines(path, LARGEST_TABLE), wanted)[0].names
+    return find_form(path, _lines(path, LARGEST_TABLE), wanted, beside)[0].names
 
 
-def text_cells(path: Path, wanted: Sequence[str]) -> tuple[int, Iterator[list[str]]]:
+def text_cells(
+    path: Path, wanted: Sequence[str], beside: Collection[str] = ()
+) -> tuple[int, Iterator[list[str]]]:
     """Return the number of a text's first row's line, and the wanted cells of each row, as text.
 
     Raises:
         BadTable: As `text_columns`, some of it only when the rows are taken.
     """
-    form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted)
+    form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted, beside)
     what = f"a header with {_some(form.names)}" if form.named else f"{len(form.names)} columns"
     where = _places(path, form.names, wanted, what)
     rows = _rows(path, below, form)
@@ -302,7 +311,7 @@ def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) 
 
     Where a name is a whole number, a second meaning of numbers would take another column unseen.
     """
-    counted = not any(map(_is_whole, names))
+    counted = not any(map(is_whole, names))
     found: dict[str, int] = {}
     twice: set[str] = set()
     for index, name in enumerate(names):
@@ -330,16 +339,12 @@ def _number_of(path: Path, name: str, columns: int) -> int:
 
 
 def _as_number(name: str) -> int:
-    return int(name) if _is_whole(name) and len(name) < 10 else 0
-
-
-def _is_whole(name: str) -> bool:
-    return name.isascii() and name.isdecimal()
+    return int(name) if is_whole(name) and len(name) < 10 else 0
 
 
 def _no_column(path: Path, name: str, problem: str, what: str) -> BadTable:
     mend = "correct it"
-    if _is_whole(name) and what.startswith("a header"):
+    if is_whole(name) and what.startswith("a header"):
         mend = "write a name as it stands there; if line 1 holds values, put names above it"
     return BadTable(f"the column {name[:80]!r}", f"{problem} in {path} ({what})", mend)
 

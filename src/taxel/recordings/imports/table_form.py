@@ -2,8 +2,8 @@
 decimal.
 
 Nothing is guessed where two readings are possible: a comma is a decimal sign only where something
-else separates, and points and commas are never taken for it in one file. Knows nothing about times,
-units or recordings.
+else separates, and points and commas are never taken for it in one file. Knows nothing about units
+or recordings.
 
 Background of our choices: docs/decisions/0011.
 """
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence, Set
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -20,6 +20,7 @@ from pathlib import Path
 from taxel.errors import BadTable
 from taxel.plain_text import visible
 from taxel.recordings.table_head import below_head, holds_units
+from taxel.recordings.time_stamps import is_stamp
 
 _ENDINGS = (".csv", ".tsv", ".txt", ".dat")
 TEXT_ENDINGS = (*(f"{ending}.gz" for ending in _ENDINGS), *_ENDINGS)
@@ -51,21 +52,26 @@ class TableForm:
 
 
 def find_form(
-    path: Path, lines: Iterator[str], wanted: Collection[str] = ()
+    path: Path,
+    lines: Iterator[str],
+    wanted: Collection[str] = (),
+    beside: Collection[str] = (),
 ) -> tuple[TableForm, Iterator[str]]:
     """Return how a text is written, and the lines that hold its rows.
 
     A first line of nothing but numbers is a row of values, unless they count the columns, from 0
-    (as pandas does) or 1, and the line below does not. Lines above it that begin with # are
-    remarks; the last of them names the columns where it has as many words (as NumPy writes it).
-    Rows may end in a separator (as dumps of ROS do) where the names do not: nothing stands behind
-    it, in any row, so that no cell can belong to another name. Lines above that of the wanted
-    names, and a line of units below it, are passed over (table_head.py).
+    (as pandas does) or 1, and the line below does not. So is one with words, where it holds a time
+    stamp, or numbers in columns that are asked for by their numbers (`_is_row`). Lines above it
+    that begin with # are remarks; the last of them names the columns where it has as many words (as
+    NumPy writes it). Rows may end in a separator (as dumps of ROS do) where the names do not:
+    nothing stands behind it, in any row, so that no cell can belong to another name. Lines above
+    that of the wanted names, and a line of units below it, are passed over (table_head.py).
 
     Args:
         path: For messages.
         lines: Without their ends.
         wanted: Names of columns by which the line of names is known.
+        beside: Names or numbers of other columns that are taken of the same file.
 
     Raises:
         BadTable: The first line is empty, or there is none.
@@ -83,8 +89,9 @@ def find_form(
         and not (second and count_columns([cell.strip() for cell in _split(second, separator)]))
     )
     below = lines if second is None else chain([second], lines)
-    if counting or any(name and not _is_value(name) for name in top):
-        cells = [] if second is None else cells_of(path, number + 1, second, separator)
+    cells = [] if second is None else cells_of(path, number + 1, second, separator)
+    words = any(name and not _is_value(name) for name in top)
+    if counting or (words and not _is_row(top, cells, {*wanted, *beside})):
         one_more = len(cells) == len(top) + 1 and not cells[-1].strip()
         units, below = _below_units(path, number + 1, cells, below, separator)
         form = TableForm(separator=separator, names=tuple(top), named=True, counting=counting,
@@ -95,6 +102,32 @@ def find_form(
     form = TableForm(separator=separator, names=tuple(names), named=bool(above), counting=False,
                      first_line=number, passed_over=_passed_over(above_names, 0, []))  # fmt: skip
     return form, chain([first], below)
+
+
+def _is_row(top: Sequence[str], second: Sequence[str], asked: Set[str]) -> bool:
+    """Return whether a first line that holds words is a row all the same, and names nothing.
+
+    It is one where a cell is a time stamp, as the one below it is. And it is one where columns are
+    asked for by numbers alone, one of these holds a number in both lines, and words stand above
+    words only; unless all that is asked for stands in it, or its numbers count columns.
+
+    Args:
+        top: Its cells.
+        second: Those of the line below it; none where there is no such line.
+        asked: Names and numbers of all columns that are taken.
+    """
+    pairs = list(zip(top, second or top, strict=False))
+    if any(is_stamp(cell) and is_stamp(below) for cell, below in pairs):
+        return True
+    if not all(map(is_whole, asked)) or asked <= set(top):
+        return False
+    places = [int(name) - 1 for name in asked if len(name) < 10]
+    numbers = [cell for cell in top if _is_value(cell)]
+    return (
+        any(all(map(_is_value, pairs[place])) for place in places if 0 <= place < len(pairs))
+        and not any(_is_value(below) for cell, below in pairs if cell and not _is_value(cell))
+        and not (numbers and count_columns(numbers))
+    )
 
 
 def _below_units(
@@ -167,6 +200,11 @@ def is_number(cell: str) -> bool:
 
 def _is_value(cell: str) -> bool:
     return is_number(cell) or bool(_DECIMAL_COMMA.fullmatch(cell))
+
+
+def is_whole(name: str) -> bool:
+    """Return whether a column's name can be its number."""
+    return name.isascii() and name.isdecimal()
 
 
 def count_columns(cells: Sequence[str]) -> bool:

@@ -139,6 +139,12 @@ def parse_time(text: str, where: str) -> TimeColumn:
     return TimeColumn(column=Column(name=match[1].strip(), unit=match[2].strip()))
 
 
+def names_of(columns: Sequence[Column], time: TimeColumn) -> list[str]:
+    """Return the names of columns, and that of time where it has a column; none for `*`."""
+    timed = [] if time.column is None else [time.column]
+    return [column.name for column in (*columns, *timed) if column.name != ALL]
+
+
 def refuse_stamps(column: Column, where: str) -> None:
     """Refuse time stamps as texts, for arrays hold numbers.
 
@@ -169,14 +175,13 @@ def read_table(
         time: Where time comes from.
         missing: What happens to values that are not finite. Time must always be.
         in_trials: Whether times may begin anew; then they are not looked at.
-        but: Columns that `*` leaves out, beside that of time.
+        but: Columns that `*` leaves out, beside that of time: other calls take them.
 
     Raises:
         BadTable: Anything in the file is not as it should be; says where.
     """
     columns = _all_columns(path, columns, time, but)
-    wanted = [column.name for column in columns]
-    wanted += [time.column.name] if time.column is not None else []
+    wanted = names_of(columns, time)
     stamps = time.column.name if time.column and time.column.unit == STAMPS else ""
     ending = path.name.lower()
     if ending.endswith(".npy"):
@@ -184,7 +189,7 @@ def read_table(
             refuse_stamps(time.column, str(path))
         found = TextColumns(values=npy_columns(path, wanted), first_line=1)
     elif ending.endswith(TEXT_ENDINGS):
-        found = text_columns(path, wanted, stamps)
+        found = text_columns(path, wanted, stamps, but)
     else:
         raise BadTable(
             "a .csv, .tsv, .txt or .dat file, packed as .gz or not, .npy, .npz, .mat, .h5 or .hdf5",
@@ -318,7 +323,7 @@ def _all_columns(
             [str(number) for number in range(1, count + 1)] if count <= MOST_CHANNELS + 1 else ()
         )
     elif ending.endswith(TEXT_ENDINGS):
-        names = text_names(path, [time.column.name] if time.column is not None else [])
+        names = text_names(path, names_of([], time), but)
     else:
         return columns
     taken = {*but, time.column.name if time.column is not None else ""} - {""}

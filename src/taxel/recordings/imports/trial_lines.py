@@ -21,6 +21,7 @@ from taxel.recordings.imports.tables import (
     ALL,
     Missing,
     Table,
+    names_of,
     parse_columns,
     parse_time,
     read_table,
@@ -99,10 +100,11 @@ class LineTrials:
                 "an empty column 'trials' where axes say that each line is a trial",
                 f"{named['trials'][:80]!r} in {where}", "leave one of them empty",
             )  # fmt: skip
-        self.names = text_names(path, names)
         self._names, self._columns = list(names), parse_columns(named.get("channels", ""), where)
+        others = names_of(self._columns, self._time)
+        self.names = text_names(path, names, others)
         self._all = [column.name for column in self._columns] == [ALL]
-        self._first_line, rows = text_cells(path, self._names)
+        self._first_line, rows = text_cells(path, self._names, others)
         self._cells = [cells[: len(names)] for cells in rows]
         count = len(self._cells)
         if not count:

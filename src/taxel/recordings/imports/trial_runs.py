@@ -21,6 +21,7 @@ from taxel.recordings.imports.tables import (
     Missing,
     Table,
     check_time,
+    names_of,
     parse_columns,
     parse_time,
     read_table,
@@ -68,17 +69,19 @@ class TextTrials:
         self._path, self.what, self._called = path, trials, visible(named["file"])
         self._time = parse_time(named.get("time", ""), where)
         timed = [self._time.column.name] if self._time.column is not None else []
-        header = text_names(path, [*names, *by_row, *timed])
-        self.names = header
-        keys = [trials] if trials in header else [name.strip() for name in trials.split(AND)]
-        self._names = list(names)
         columns = parse_columns(named.get("channels", ""), where)
+        parts = [name.strip() for name in trials.split(AND)]
+        others = {*names_of(columns, self._time), *parts} - {RESTARTS}
+        header = text_names(path, [*names, *by_row, *timed], others)
+        self.names = header
+        keys = [trials] if trials in header else parts
+        self._names = list(names)
         anew = RESTARTS in keys and RESTARTS not in header
         asked = [self._time_name(where) if anew and name == RESTARTS else name for name in keys]
         self._all = [column.name for column in columns] == [ALL]
-        self._described = header_names([*keys, *names, *by_row], header)
+        self._described = header_names([*asked, *names, *by_row], header)
         self._columns = columns
-        first_line, rows = text_cells(path, [*asked, *names, *by_row])
+        first_line, rows = text_cells(path, [*asked, *names, *by_row], others)
         if anew:
             rows = _numbered(path, rows, keys, first_line)
         self._first_line = first_line

@@ -13,6 +13,8 @@ from typing import Literal
 
 from taxel.models.touch_features import PARTS, UNIT, fitting_blocks
 
+Sets = dict[str, tuple[str, ...]]
+"""Feature sets and their blocks."""
 Family = Literal["discriminant", "linear", "trees", "perceptron", "network"]
 FAMILIES: tuple[Family, ...] = ("discriminant", "linear", "trees", "perceptron", "network")
 

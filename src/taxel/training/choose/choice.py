@@ -75,6 +75,8 @@ class Choice:
     """What was not tried, for the time was up."""
     behind: tuple[str, ...] = ()
     """Ways to cut that were far behind on the first inner fold, and not compared further."""
+    slow: tuple[str, ...] = ()
+    """Blocks of features that take longer than a window may, and so were not tried."""
 
 
 def choice_to_json(choice: Choice) -> str:
@@ -128,6 +130,7 @@ def _choice(given: Fields) -> Choice:
         leaderboard=tuple(record_of(Standing, standing) for standing in given.items("leaderboard")),
         left_out=given.texts("left_out"),
         behind=given.texts("behind") if "behind" in given else (),
+        slow=given.texts("slow") if "slow" in given else (),
     )
 
 

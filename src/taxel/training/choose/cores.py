@@ -6,6 +6,7 @@ most of the time. Source: docs/decisions/0039.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -21,10 +22,18 @@ AT_ONCE = 2
 def working_threads(at_once: int = AT_ONCE) -> Iterator[ThreadPoolExecutor]:
     """Yield threads that share the cores evenly.
 
+    They keep still about models that end before they converge: a hundred steps are enough for a
+    regularised one. Set here, for filters belong to all threads.
+
     Args:
         at_once: How many work side by side.
     """
-    with shared_cores(at_once), ThreadPoolExecutor(at_once) as pool:
+    with (
+        warnings.catch_warnings(),
+        shared_cores(at_once),
+        ThreadPoolExecutor(at_once) as pool,
+    ):
+        warnings.simplefilter("ignore")
         yield pool
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.training.choose.blending import losses
-from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.candidates import Candidate, Sets
 from taxel.training.choose.inner_folds import tested_folds
 from taxel.training.choose.joining import fit_joining, join, unit_classes
 from taxel.training.choose.part import Part, Tried
@@ -33,8 +33,6 @@ MOST_ON_CUTS = 0.5
 """Share of a choice's time after which no further way is compared. Source: our choice, 0039."""
 _PAIR = ("all", "both rows", "rows", "statistics")
 """The feature set on which ways to cut are compared: the first of these that there is."""
-
-Sets = dict[str, tuple[str, ...]]
 
 
 class Tries(Protocol):
@@ -121,7 +119,7 @@ class _Way:
 
 
 def _quick_pair(sets: Sets) -> list[Candidate]:
-    name = next(name for name in _PAIR if name in sets)
+    name = next((name for name in _PAIR if name in sets), next(iter(sets)))
     return [
         Candidate("linear", "logistic", name, 0.03),
         Candidate("trees", "extra-trees", name, 2),

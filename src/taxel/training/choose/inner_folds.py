@@ -73,9 +73,11 @@ def what_is_held(
     """Return the group of which a split holds out whole values: the one it names, or the coarsest.
 
     The authors' own parts of a data set may be new on the test side, too, although the split is by
-    object: the group that the split names comes first. Of groups that part the trials alike, as a
-    session and its temperature do, a usual one. Later trials are held out where in each class the
-    group's values are numbers, and the tested ones larger than all that are learned from.
+    object: the group that the split names comes first, and is held out also where only two of its
+    values are left to learn from: single trials would be judged beside others of their own group.
+    Of groups that part the trials alike, as a session and its temperature do, a usual one. Later
+    trials are held out where in each class the group's values are numbers, and the tested ones
+    larger than all that are learned from.
 
     Args:
         trials: All of them.
@@ -90,7 +92,8 @@ def what_is_held(
         own = {trials[i].groups[key] for i in train}
         others = {trials[i].groups[key] for i in test}
         ordered = _later(key, trials, y, train, test)
-        grouped = 3 <= len(own) <= len(train) / 2
+        least = 2 if key == named else 3
+        grouped = least <= len(own) <= len(train) / 2
         if not own & others and (grouped or (ordered and len(own) >= 3)):
             found.append((key != named, len(own), key not in USUAL_GROUPS, key, ordered))
     if not found:

@@ -7,6 +7,7 @@ Source: docs/decisions/0039.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from threading import Lock
 
 import numpy as np
@@ -17,6 +18,14 @@ from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.inner_folds import learned_from, tested_folds
 from taxel.training.choose.networks import predict_network, train_network, untrained
 from taxel.training.choose.part import Part
+
+FIRST_LOOK = 0.25
+"""Share of a fold's training after which it is first seen how long all folds will take. Source: our
+choice, 0039."""
+
+
+class _OutOfTimeError(Exception):
+    """All folds would take longer than there is time."""
 
 
 class NetworkFolds:
@@ -63,10 +72,12 @@ class NetworkFolds:
         test = (part.fold == fold) & part.scored
         if test.any():
             network, windows = self._networks[fold], part.windows[learned]
-            train_network(
-                network, part.prepared, windows, part.y[learned], self._candidate, self._seed
-            )
-            self._logits[test] = predict_network(network, part.prepared, part.windows[test])
+            with suppress(_OutOfTimeError):
+                train_network(
+                    network, part.prepared, windows, part.y[learned], self._candidate, self._seed,
+                    lambda share: self._look(share, clock() - started),
+                )  # fmt: skip
+                self._logits[test] = predict_network(network, part.prepared, part.windows[test])
         with self._lock:
             self._done += 1
             self.seconds += clock() - started
@@ -76,6 +87,24 @@ class NetworkFolds:
     def logits(self) -> NDArray[np.float64] | None:
         """Return logits of the scored windows; None where the time would not do."""
         return self._logits[self._part.scored] if self._goes else None
+
+    def _look(self, share: float, spent: float) -> None:
+        """Break off a fold, and so the whole try, that will take far too long.
+
+        Args:
+            share: Of this fold's training that is done, 0…1.
+            spent: Seconds that it took.
+
+        Raises:
+            _OutOfTimeError: It was broken off.
+        """
+        with self._lock:
+            if FIRST_LOOK <= share < 1.0 and not self._done and not self._must:
+                each = spent / share
+                turns = -(-len(self.folds) // self._budget.at_once)
+                self._goes = self._goes and self._budget.lasts(turns * each - spent)
+            if not self._goes:
+                raise _OutOfTimeError
 
     def _allowed(self) -> bool:
         with self._lock:

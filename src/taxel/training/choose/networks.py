@@ -5,6 +5,7 @@ Knows nothing about folds.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -44,6 +45,7 @@ def train_network(
     y: NDArray[np.intp],
     candidate: Candidate,
     seed: int,
+    on_share: Callable[[float], None] = lambda _: None,
 ) -> None:
     """Train in place; several may be trained side by side.
 
@@ -54,6 +56,7 @@ def train_network(
         y: Their classes, shape (n,).
         candidate: Its `model` is the network's name.
         seed: Of order, augmentation and what is dropped.
+        on_share: Called after each epoch with the share that is done, 0…1; may raise.
     """
     for part in whole.modules():
         if isinstance(part, _OwnDropout):
@@ -65,7 +68,10 @@ def train_network(
     scaled = torch.from_numpy(scaling.apply(own.values, own.mask)), torch.from_numpy(own.mask)
     values, mask = (part.numpy() for part in thinned(*scaled, whole.thin))
     data = Labelled(values, mask, y)
-    fit(whole.network, data, replace(TRAIN, seed=seed))
+    fit(
+        whole.network, data, replace(TRAIN, seed=seed),
+        on_epoch=lambda epoch: on_share(epoch.number / TRAIN.epochs),
+    )  # fmt: skip
     settle_norms(whole.network, data)
     whole.offset, whole.factor = map(torch.from_numpy, (scaling.offset, scaling.factor))
     whole.eval()

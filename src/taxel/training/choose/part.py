@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.training.choose.candidates import Candidate, feature_sets
+from taxel.training.choose.candidates import Candidate, Sets, feature_sets
 from taxel.training.choose.inner_folds import judged
 from taxel.training.choose.preparations import Base, Prepared
 
@@ -34,6 +34,10 @@ class Part:
     classes: int
     ordered: bool = False
     """Whether a fold is tested on what was learned from earlier folds alone."""
+    quick: Sets | None = None
+    """Feature sets without what takes longer than a window may; None: all are quick enough."""
+    slow: tuple[str, ...] = ()
+    """Blocks of features that take too long."""
 
     @property
     def windows(self) -> NDArray[np.intp]:
@@ -46,7 +50,9 @@ class Part:
         return int(self.prepared.dataset.windows.values.shape[1])
 
     def feature_sets(self) -> dict[str, tuple[str, ...]]:
-        """Return the feature sets that windows of this size have."""
+        """Return the feature sets that windows of this size have, and that are quick enough."""
+        if self.quick is not None:
+            return self.quick
         windows = self.prepared.dataset.windows
         _, steps, channels = windows.values.shape
         return feature_sets(steps, channels, padded=bool(windows.padded))

@@ -20,7 +20,7 @@ from taxel.bundles.writer import export_onnx
 from taxel.models.heads import TreesHead
 from taxel.models.onnx_session import WindowModel
 from taxel.models.touch_features import TouchFeatures
-from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.candidates import PLAIN, Candidate, Sets
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.costs import quietest_of
 from taxel.training.choose.fit_choice import Heads, copies_of
@@ -28,6 +28,12 @@ from taxel.training.choose.preparations import Prepared
 
 _MEANS = "mean"
 """The block that has nothing but what all others need, too."""
+LARGE = 5000
+"""Values of a window from where on its features are timed before any is tried. Source: our choice,
+docs/decisions/0039."""
+FOR_FEATURES = 0.75
+"""Share of a window's time that features may take; models on them need the rest. Source: as
+above."""
 
 
 class _OnFeatures(nn.Module):
@@ -123,6 +129,42 @@ class Pieces:
             elif member.candidate.family == "trees":
                 total += self._forest(member.candidate, own, shape)
         return total
+
+    def quick_sets(
+        self, sets: Sets, prepared: Prepared, most_us: float
+    ) -> tuple[Sets, tuple[str, ...]]:
+        """Return feature sets that are quick enough, and the blocks that none of them has.
+
+        From each set the block that takes longest goes, until the rest is quick enough; sets that
+        are alike then are one. So the time to choose is not spent on models that no bundle may
+        have.
+
+        Args:
+            sets: Feature sets and their blocks, the broadest first.
+            prepared: The windows.
+            most_us: Microseconds that a window may take.
+        """
+        windows = prepared.dataset.windows
+        _, steps, channels = windows.values.shape
+        if steps * channels <= LARGE or most_us == float("inf"):
+            return sets, ()
+        window = torch.from_numpy(windows.values[:1]), torch.from_numpy(windows.mask[:1])
+        shape, found = (steps, channels), dict[str, tuple[str, ...]]()
+        for name, blocks in sets.items():
+            self._features(blocks, prepared, *window)
+            kept = sorted(blocks, key=lambda block: self._known[block, shape])
+            while kept and self._features(tuple(kept), prepared, *window) > FOR_FEATURES * most_us:
+                kept.pop()
+            own = tuple(block for block in blocks if block in kept)
+            if own and own not in found.values():
+                found[name] = own
+        found = found or {PLAIN: sets[PLAIN]}
+        if next(iter(found)) == PLAIN:  # the broadest set comes first
+            found[PLAIN] = found.pop(PLAIN)
+        everything, left = (
+            {b for blocks in some.values() for b in blocks} for some in (sets, found)
+        )
+        return found, tuple(sorted(everything - left))
 
     def _features(
         self, blocks: tuple[str, ...], prepared: Prepared, values: Tensor, mask: Tensor

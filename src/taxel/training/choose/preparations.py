@@ -34,6 +34,9 @@ MOST_VALUES = 60_000_000
 """Values of all whole trials, padded, up to which they are tried as windows. Source: as above."""
 MOST_ROWS = 2500
 """Rows of the longest whole trial that is tried as one window. Source: as above."""
+MOST_FAST_ROWS, SHORT_S = 50_000, 5.0
+"""The same for trials that last no more than so many seconds, as a knock that a microphone hears:
+a window of 400 of its rows holds no more than a moment. Source: as above."""
 OVERLAP = 4
 """Training windows start so many times as often where there are few of them. Source: as above."""
 FEW = 2000
@@ -210,7 +213,8 @@ def candidate_windows(base: Base) -> list[WindowConfig]:
     lengths = lengths or [max(1, shortest)]
     found = [_window(plain, n, pad=bool(n > rows.min())) for n in reversed(lengths)]
     whole = longest * len(base.trials) * len(sensor.channels)
-    if longest <= MOST_ROWS and whole <= MOST_VALUES:
+    brief = longest <= SHORT_S * sensor.rate_hz
+    if longest <= (MOST_FAST_ROWS if brief else MOST_ROWS) and whole <= MOST_VALUES:
         found.insert(0, _window(plain, longest, pad=bool((rows < longest).any())))
     return found
 

@@ -8,11 +8,9 @@ Source: docs/decisions/0039.
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,10 +28,10 @@ from taxel.training.choose.blending import (
     softmax,
 )
 from taxel.training.choose.budget import Budget
-from taxel.training.choose.candidates import Candidate, first_round, second_round
+from taxel.training.choose.candidates import Candidate, Sets, first_round, second_round
 from taxel.training.choose.choice import Choice, Member, Standing
 from taxel.training.choose.cores import working_threads
-from taxel.training.choose.cuts import Sets, best_cut
+from taxel.training.choose.cuts import best_cut
 from taxel.training.choose.fitting import fit_head, head_logits
 from taxel.training.choose.inner_folds import (
     Held,
@@ -67,6 +65,8 @@ class Effort:
     """Called with a line before each try."""
     pieces: Pieces = field(default_factory=Pieces)
     """Times of pieces of blends, each measured once for all choices."""
+    most_us: float = float("inf")
+    """Microseconds that a window may take: what alone takes longer is not tried."""
 
 
 def choose(
@@ -86,7 +86,7 @@ def choose(
     """
     effort.budget.begin()
     search = _Search(effort)
-    parts = _judged_parts(base, prepared, train, held)
+    parts = [_quick_enough(part, effort) for part in _judged_parts(base, prepared, train, held)]
     part: Part = parts[0]
     behind: tuple[str, ...] = ()
     if len(parts) > 1:
@@ -105,6 +105,12 @@ def choose(
     finer = second_round(ranked["discriminant"] or linear, linear, ranked["trees"] or linear)
     search.try_all(part, finer, sets)
     return Found(base, part, tuple(search.all), tuple(search.left_out), sets, held, behind)
+
+
+def _quick_enough(part: Part, effort: Effort) -> Part:
+    """Return a part without the features that take longer than a window may."""
+    quick, slow = effort.pieces.quick_sets(part.feature_sets(), part.prepared, effort.most_us)
+    return replace(part, quick=quick, slow=slow) if slow else part
 
 
 def _judged_parts(
@@ -159,7 +165,7 @@ class _Search:
             self._looked[id(part), candidate] = (fold, logits, seconds)
             return _tried(part, candidate, logits, test, seconds)
 
-        with self._pool() as pool:
+        with working_threads(self._budget.at_once) as pool:
             return list(pool.map(score, candidates))
 
     def try_all(
@@ -176,7 +182,7 @@ class _Search:
         done = {tried.candidate for tried in self.of(part)}
         new = [candidate for candidate in candidates if candidate not in done]
         must = must and len(done) < _FEWEST
-        with self._pool() as pool:
+        with working_threads(self._budget.at_once) as pool:
             begun = [
                 self._begin(pool, part, candidate, sets, must=must and place < _FEWEST)
                 for place, candidate in enumerate(new)
@@ -188,12 +194,6 @@ class _Search:
                 self.left_out.append(f"{candidate.name} · {cut}")
             else:
                 self.all.append((cut, part, tried))
-
-    @contextmanager
-    def _pool(self) -> Iterator[ThreadPoolExecutor]:
-        """Yield threads that share the cores evenly."""
-        with _without_warnings(), working_threads(self._budget.at_once) as pool:
-            yield pool
 
     def _begin(
         self, pool: ThreadPoolExecutor, part: Part, candidate: Candidate, sets: Sets, *, must: bool
@@ -287,16 +287,6 @@ def _tried(
     return Tried(candidate, found, sharpness, float(loss), float(accuracy), seconds)
 
 
-@contextmanager
-def _without_warnings() -> Iterator[None]:
-    """Keep still about models that end before they converge: a hundred steps are enough for a
-    regularised one. Set here, for filters belong to all threads.
-    """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield
-
-
 def out_of_fold(
     part: Part,
     candidate: Candidate,
@@ -357,6 +347,7 @@ class Found:
             leaderboard=self._leaderboard(weight),
             left_out=self.left_out,
             behind=self.behind,
+            slow=part.slow,
         )
 
     def _member(self, tried: Tried, weight: float) -> Member:

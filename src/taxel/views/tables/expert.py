@@ -66,6 +66,13 @@ def leaderboard(choice: Choice, *, repeated: bool = False) -> RenderableType:
                 f"{', '.join(map(visible, choice.behind))}"
             )
         )
+    if choice.slow:
+        lines.append(
+            Text(
+                f"features left out, because with them a window would take longer than --max-us: "
+                f"{', '.join(map(visible, choice.slow))}; a larger --max-us may be more accurate"
+            )
+        )
     if choice.left_out and not repeated:
         count = len(choice.left_out)
         lines.append(
