@@ -118,6 +118,19 @@ def test_of_what_would_do_at_once_the_least_loss_goes(found: Found):
     assert fitted.choice.loss == min(ways)
     assert len(fitted.given_up) == 1
     assert "3000 µs with it; inner accuracy" in fitted.given_up[0]
+    assert "--max-us" not in fitted.given_up[0]  # all are right without it
+    assert fitted.choice.why.startswith("of what keeps to the limits, ")
+    assert not whole.why.startswith("of what")
+
+
+@pytest.mark.slow
+def test_a_limit_that_costs_much_is_named(found: Found, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("taxel.training.choose.limits.WORTH_SAYING", -1.0)
+    whole = found.choice()
+
+    fitted = within(found, lambda c: 3000.0 if c.members == whole.members else 1000.0, 2000.0)
+
+    assert fitted.given_up[0].endswith("; a larger --max-us keeps it")
 
 
 def test_of_what_is_not_enough_the_cheapest_for_its_time_goes_and_what_saves_nothing_last():

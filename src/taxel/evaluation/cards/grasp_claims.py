@@ -51,14 +51,16 @@ def _grasp_tables() -> tuple[ClaimsOfPart, ...]:
         "trained to give ResNet50's 1000 outputs on touch images of other objects "
         "(`taxel distil`), then frozen. The paper trained end to end; the backbones of two "
         "Transformers were trained so here too, with labels, on pours of 40 other cups "
-        "(`taxel train-backbone`). A new head is trained in each split. "
+        "(`taxel train-backbone`). A new head is trained in each split; it sees by how much the "
+        "outputs differ from those of the grasp at rest, at each place of the image, in the mean. "
         "`make paper-tables CARD=yes` makes all rows on a graphics card; without CARD=yes, "
         "students learn from smaller images, and no backbone is trained end to end. Where “Lite0” "
         "stands, EfficientNet-Lite0 (ImageNet) "
         "takes DenseNet121's place. Sizes: ours as 32-bit floats, then with the backbone "
         "twice and the head once, which is what the published sizes fit (decision 42). "
         "Times: the paper calls 31.84 ms both one inference step and a whole video; ours is a step "
-        "of images at each backbone's own 224 × 224 pixels."
+        "of images at each backbone's own 224 × 224 pixels, whose outputs are averaged over places "
+        "first."
     )
     command = "taxel reproduce transition-tables"
     third = tuple(

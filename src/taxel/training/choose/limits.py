@@ -32,6 +32,9 @@ MOST_MB, MOST_US = 20.0, 2000.0
 BARE: Final = 0.85
 """Share of a window's time that the bare model may take: the bundle's own checks and scaling, timed
 later, take the rest. Source: our choice, docs/decisions/0039."""
+WORTH_SAYING = 0.02
+"""Loss of inner accuracy from where on it is said which limit caused it. Source: our choice,
+docs/decisions/0039."""
 _LEAST_PRICE, _LEAST_SAVED_US = 0.002, 1.0
 """Nats that giving anything up costs at least, and microseconds below which it saves nothing.
 Source: our choice, docs/decisions/0039."""
@@ -111,10 +114,13 @@ def fit_within(
             without, choice, names = _quick_enough(
                 found, choice, without, lambda own: pieces.us(own, prepared, heads), share
             )
+        it = "it" if len(names) == 1 else "them"
+        costly = whole.accuracy - choice.accuracy >= WORTH_SAYING
         given_up.append(
-            f"{', '.join(names)}: {now.mb:.1f} MB and {now.us:.0f} µs with "
-            f"{'it' if len(names) == 1 else 'them'}; inner accuracy "
+            f"{', '.join(names)}: {now.mb:.1f} MB and {now.us:.0f} µs with {it}; inner accuracy "
             f"{whole.accuracy:.4f} → {choice.accuracy:.4f}"
+            + f"; a larger {'--max-us' if units else '--max-mb'} keeps {it}"
+            * costly
         )
 
 

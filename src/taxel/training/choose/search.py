@@ -341,7 +341,7 @@ class Found:
             joining=Joining() if single else fit_joining(trial, final, y),
             held=self.held.words,
             folds=len(tested_folds(part.fold, ordered=part.ordered)),
-            why=found.why,
+            why=f"of what keeps to the limits, {found.why}" if without else found.why,
             loss=float(losses(final, y).mean()),
             accuracy=float((final.argmax(axis=1) == y).mean()),
             leaderboard=self._leaderboard(weight),
