@@ -12,7 +12,7 @@ from taxel.evaluation.transitions.step_times import time_step
 from taxel.models import torch_engine
 from taxel.models.torch_engine import TorchEngine, best_device, device_words
 from taxel.training.frames import jobs
-from taxel.training.frames.extractors import open_backbone
+from taxel.training.frames.extractors import CameraImages, open_backbone
 from taxel.training.frames.features import BATCH
 
 CPU = torch.device("cpu")
@@ -37,7 +37,9 @@ def test_what_runs_live_is_exported_when_it_is_asked_for() -> None:
 def test_8_bit_numbers_are_refused() -> None:
     frames = np.zeros((1, 240, 320, 3), np.uint8)
     with pytest.raises(BadInput, match="f32 or bf16 for PyTorch"):
-        open_backbone("edge", engine="torch", precision="int8", calibration=[frames[0]])
+        open_backbone(
+            "edge", engine="torch", precision="int8", images=CameraImages(calibration=[frames[0]])
+        )
 
 
 class Counting(nn.Module):

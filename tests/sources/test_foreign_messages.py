@@ -153,18 +153,6 @@ def test_the_first_hello_may_be_somebody_else_s():
     assert (scans.seq.tolist(), stream.ledger.board_id) == ([2], "EMU-0")
 
 
-def test_scans_that_a_boards_first_hello_overtook_are_taken_but_none_before_them():
-    board = EmulatedBoard(first_tick=18, first_us=18_000)
-    scans = [board.scan() for _ in range(5)]
-    stream = BoardStream("here")
-    place = Hello(board=0, seq=21, t_us=21_000, boot_id=board.boot_id, rate_hz=1000,
-                  channels=board.channels, board_id=board.board_id)  # fmt: skip
-    taken = stream.feed([Chunk(0.02, b"".join((frame_of(pack(place)), *scans)))])
-    assert [int(seq) for part in taken for seq in part.seq] == [19, 20, 21, 22]
-    assert stream.ledger.lost == 0
-    assert stream.ledger.bad["replayed"] == 1  # 18 is none of this hello's
-
-
 @pytest.mark.parametrize("count", [1, 2, 3, 10, 200])
 def test_frames_sent_again_are_counted_as_that_and_not_as_scans(count: int):
     line = Line()

@@ -54,7 +54,7 @@ def test_what_was_not_tried_is_named():
     left_out = tuple(f"{own.name} · 80 rows" for own in tried)
     choice = cast(Choice, SimpleNamespace(
         target="y", folds=5, held="session", leaderboard=(), why="the best", loss=0.1,
-        accuracy=0.9, left_out=left_out, behind=(),
+        accuracy=0.9, left_out=left_out, behind=(), slow=("quantiles", "shape"),
     ))  # fmt: skip
 
     said = " ".join(printed(leaderboard(choice), 200).split())
@@ -62,6 +62,7 @@ def test_what_was_not_tried_is_named():
     assert ("6 not tried, because the time was up: TouchNet, perceptrons 3 on all features, "
             "extra-trees 2 on tared features, logistic regression 0.03 on tared features …; "
             "expert.json lists all") in said  # fmt: skip
+    assert "window would take longer than --max-us: quantiles, shape; a larger --max-us" in said
     assert "not tried" not in printed(leaderboard(choice, repeated=True), 200)
 
 

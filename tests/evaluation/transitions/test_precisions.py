@@ -8,7 +8,7 @@ import pytest
 from taxel.bundles.engine import EngineName, Precision
 from taxel.evaluation.transitions.data import cup_folds, load_camera_set
 from taxel.evaluation.transitions.precisions import Ways, compare_precisions
-from taxel.training.frames.extractors import BackboneExtractor, open_backbone
+from taxel.training.frames.extractors import BackboneExtractor, CameraImages, open_backbone
 from taxel.training.frames.heads import HeadConfig
 from taxel.training.frames.quantising import calibration_frames
 from taxel.windows.camera_recordings import CameraRecording, read_camera_recordings
@@ -37,7 +37,9 @@ def test_the_first_way_loses_nothing_and_the_others_are_told_apart(
         recordings: list[CameraRecording] = training
         calibrated.append({pour.groups["cup"] for pour in recordings})
         frames = calibration_frames(recordings, 8) if precision == "int8" else ()
-        return open_backbone(EDGE, engine=engine, precision=precision, calibration=frames)
+        return open_backbone(
+            EDGE, engine=engine, precision=precision, images=CameraImages(calibration=frames)
+        )
 
     ways: list[tuple[EngineName, Precision]] = [
         ("onnxruntime", "f32"), ("openvino", "f32"), ("onnxruntime", "int8"),

@@ -123,7 +123,7 @@ def _open(
 ) -> BackboneExtractor:
     from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
     from taxel.sources.simulated.pour_sets import CAMERA_HZ, write_run
-    from taxel.training.frames.extractors import open_backbone
+    from taxel.training.frames.extractors import CameraImages, open_backbone
     from taxel.training.frames.quantising import calibration_frames
     from taxel.windows.camera_recordings import read_camera_recordings
 
@@ -133,7 +133,11 @@ def _open(
     write_run(scratch, list_runs(config)[0], config, CAMERA_HZ)
     frames = calibration_frames(read_camera_recordings(scratch))
     return open_backbone(
-        backbone, engine=engine, precision=precision, threads=2, calibration=frames
+        backbone,
+        engine=engine,
+        precision=precision,
+        threads=2,
+        images=CameraImages(calibration=frames),
     )
 
 

@@ -212,6 +212,7 @@ def open_backbone(
     Raises:
         BadInput: An option lies outside its limits.
     """
+    from taxel.training.frames.extractors import CameraImages
     from taxel.training.frames.extractors import open_backbone as open_named
     from taxel.training.frames.quantising import calibration_frames
 
@@ -221,7 +222,10 @@ def open_backbone(
     frames = calibration_frames(pours) if engine.precision == "int8" else ()
     return open_named(
         name, weights.weights, engine=engine.engine, precision=engine.precision,
-        threads=weights.threads, size_px=(camera.height, camera.width), calibration=frames,
+        threads=weights.threads,
+        images=CameraImages(
+            height_px=camera.height, width_px=camera.width, calibration=frames
+        ),
         places=tare == "local-size",
     )  # fmt: skip
 

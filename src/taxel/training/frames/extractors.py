@@ -66,6 +66,19 @@ class BackboneExtractor:
         return self.engine.run(frames=np.stack(images))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraImages:
+    """Images that a backbone will see."""
+
+    height_px: int = 240
+    width_px: int = 320
+    calibration: Sequence[NDArray[np.uint8]] = ()
+    """Some that set the ranges of 8-bit numbers; for int8."""
+
+
+USUAL_IMAGES = CameraImages()
+
+
 def open_backbone(
     backbone: str,
     weights: Path | None = None,
@@ -73,8 +86,7 @@ def open_backbone(
     engine: BackboneEngine = "onnxruntime",
     precision: Precision = "f32",
     threads: int = 1,
-    size_px: tuple[int, int] = (240, 320),
-    calibration: Sequence[NDArray[np.uint8]] = (),
+    images: CameraImages = USUAL_IMAGES,
     places: bool = False,
 ) -> BackboneExtractor:
     """Return a backbone that is ready to give features.
@@ -85,8 +97,7 @@ def open_backbone(
         engine: Which library runs it; torch on a graphics card where there is one.
         precision: bf16 needs OpenVINO or PyTorch; int8 needs NNCF, which comes with it.
         threads: Threads of the engine.
-        size_px: Height and width of the camera's frames, pixels.
-        calibration: Images that set the ranges of 8-bit numbers; for int8.
+        images: Of the camera.
         places: Give the features of each place of an image, which are compared with those of the
             grasp at rest before their mean is taken.
 
@@ -110,6 +121,7 @@ def open_backbone(
     module = row.build("places" if places else "logits").eval()
     found.load_into(module)
     label = "random" if found.path is None else "trained"
+    size_px = images.height_px, images.width_px
     key = f"{backbone}-{label}-{found.digest[:12]}-{engine}-{precision}-{size_px[1]}x{size_px[0]}"
     key += f"-places-{SETTLE.start}-{SETTLE.stop}" if places else ""
     write = partial(export_backbone, module, backbone, *size_px, side_px=found.side_px)
@@ -122,8 +134,8 @@ def open_backbone(
         )
     model = write()
     if precision == "int8":
-        model = quantise(model, calibration)
-        key += "-" + hashlib.sha256(np.stack(calibration).tobytes()).hexdigest()[:12]
+        model = quantise(model, images.calibration)
+        key += "-" + hashlib.sha256(np.stack(images.calibration).tobytes()).hexdigest()[:12]
     return BackboneExtractor(
         backbone,
         found,
