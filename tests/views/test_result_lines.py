@@ -13,7 +13,7 @@ from taxel.evaluation.nested import Nested, TrialScores
 from taxel.evaluation.run_scores import GroupInterval
 from taxel.labels.trials import Trial
 from taxel.training.choose.candidates import Candidate
-from taxel.training.choose.choice import Choice
+from taxel.training.choose.choice import Choice, Standing
 from taxel.training.predictions import Predictions
 from taxel.views.tables.expert import leaderboard, nested_table
 from taxel.views.tables.results import confusion_table
@@ -64,6 +64,20 @@ def test_what_was_not_tried_is_named():
             "expert.json lists all") in said  # fmt: skip
     assert "window would take longer than --max-us: quantiles, shape; a larger --max-us" in said
     assert "not tried" not in printed(leaderboard(choice, repeated=True), 200)
+    assert "1 of N" not in said
+
+
+def test_a_leaderboard_says_what_a_try_on_a_part_of_the_windows_is():
+    rows = tuple(
+        Standing(name="extra-trees 2", windows=windows, loss=0.5, accuracy=0.8, seconds=1.0)
+        for windows in ("400 rows, 1 of 5", "400 rows")
+    )
+    choice = cast(Choice, SimpleNamespace(
+        target="y", folds=5, held="session", leaderboard=rows, why="the best", loss=0.1,
+        accuracy=0.9, left_out=(), behind=(), slow=(),
+    ))  # fmt: skip
+
+    assert "“1 of N”: tried on one in N of the stretches" in printed(leaderboard(choice), 200)
 
 
 def judged(confidence: float, windows_a_trial: int = 1, shared: bool = False) -> Predictions:

@@ -215,6 +215,7 @@ def test_of_many_windows_those_compared_are_of_all_classes_though_recorded_in_tu
     assert len(thin.rows) < len(trial) / 3
     assert (cells > 0.9 * cells.max()).all()
     assert set(np.bincount(thin.prepared.trial[thin.windows]).tolist()) == {0, 10}
+    assert (part.name, thin.name) == ("25 rows", "25 rows, 1 of 4")
 
 
 def test_without_time_the_most_natural_way_is_taken_and_the_others_are_said(tmp_path: Path):

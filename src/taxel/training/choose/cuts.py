@@ -86,12 +86,12 @@ def best_cut(parts: Sequence[Part], tries: Tries) -> Cuts:
     for way in ways:
         sets = way.part.feature_sets()
         pair = _quick_pair(sets)
-        name = way.part.prepared.name
+        name = way.part.name
         if compared and tries.spent() > MOST_ON_CUTS:
             left_out += [f"{candidate.name} · {name}" for candidate in pair]
             continue
         if compared and _is_far_behind(way, min(compared, key=lambda w: w.loss), pair, tries):
-            behind.append(name)
+            behind.append(way.part.prepared.name)
             continue
         tries.try_all(way.part, pair, sets, must=not compared)
         tried = tries.of(way.part)
@@ -158,8 +158,9 @@ def _thinned(part: Part) -> Part:
     cell = part.fold[first] * part.classes + part.y[first]
     own = np.isin(stretch, np.concatenate([numbers[cell == c][::every] for c in np.unique(cell)]))
     return replace(
-        part, rows=part.rows[own], fold=part.fold[own], y=part.y[own], scored=part.scored[own]
-    )
+        part, rows=part.rows[own], fold=part.fold[own], y=part.y[own], scored=part.scored[own],
+        every=every,
+    )  # fmt: skip
 
 
 def _stretch_loss(part: Part, tried: Sequence[Tried], own: NDArray[np.bool_]) -> float:

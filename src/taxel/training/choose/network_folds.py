@@ -60,7 +60,7 @@ class NetworkFolds:
     @property
     def name(self) -> tuple[Candidate, str]:
         """Return what the budget knows this try by."""
-        return self._candidate, self._part.prepared.name
+        return self._candidate, self._part.name
 
     def run(self, fold: int) -> None:
         """Train without an inner fold and predict it, if time allows."""

@@ -38,6 +38,13 @@ class Part:
     """Feature sets without what takes longer than a window may; None: all are quick enough."""
     slow: tuple[str, ...] = ()
     """Blocks of features that take too long."""
+    every: int = 1
+    """Of so many stretches of windows it has one: enough to compare ways to cut."""
+
+    @property
+    def name(self) -> str:
+        """Return its windows in words, as "400 rows, 1 of 5" where it has a fifth of them."""
+        return f"{self.prepared.name}{f', 1 of {self.every}' if self.every > 1 else ''}"
 
     @property
     def windows(self) -> NDArray[np.intp]:

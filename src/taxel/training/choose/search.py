@@ -157,7 +157,7 @@ class _Search:
         train = learned_from(part.fold, fold, ordered=part.ordered)
 
         def score(candidate: Candidate) -> Tried:
-            self._on_step(f"{candidate.name} · {part.prepared.name}")
+            self._on_step(f"{candidate.name} · {part.name}")
             started = self._budget.clock()
             blocks = sets.get(candidate.features, ())
             logits = out_of_fold(part, candidate, blocks, train, test, self._seed)
@@ -188,7 +188,7 @@ class _Search:
                 for place, candidate in enumerate(new)
             ]
             found = [result() for result in begun]
-        cut = part.prepared.name
+        cut = part.name
         for candidate, tried in zip(new, found, strict=True):
             if tried is None:
                 self.left_out.append(f"{candidate.name} · {cut}")
@@ -209,7 +209,7 @@ class _Search:
 
         def run(fold: int) -> None:
             if fold == network.folds[0]:
-                self._on_step(f"{candidate.name} · {part.prepared.name}")
+                self._on_step(f"{candidate.name} · {part.name}")
             network.run(fold)
 
         jobs = [pool.submit(run, fold) for fold in network.folds]
@@ -227,7 +227,7 @@ class _Search:
 
     def _try(self, part: Part, candidate: Candidate, sets: Sets, *, must: bool) -> Tried | None:
         """Return a candidate's scores; None where the time would not do."""
-        self._on_step(f"{candidate.name} · {part.prepared.name}")
+        self._on_step(f"{candidate.name} · {part.name}")
         blocks = sets.get(candidate.features, ())
         logits, seconds = self._kept.find(part, candidate, blocks)
         if logits is None:
@@ -244,7 +244,7 @@ class _Search:
         fold, looked, before = self._looked.get((id(part), candidate), (-1, None, 0.0))
         clock, started = self._budget.clock, self._budget.clock() - before
         numbers = tested_folds(part.fold, ordered=part.ordered)
-        name = (candidate, part.prepared.name)
+        name = (candidate, part.name)
         if not must and not self._budget.starts(name):
             return None, 0.0
         logits = np.zeros((len(part.rows), part.classes))

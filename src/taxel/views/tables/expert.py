@@ -25,6 +25,8 @@ from taxel.windows.checks import OUTSIDE
 
 SHOWN = 12
 """Lines of the leaderboard; expert.json holds all."""
+THINNED = "windows “1 of N”: tried on one in N of the stretches, only to compare ways to cut"
+"""Said beneath a leaderboard that has such rows."""
 KINDS = 4
 """Kinds of models that are named of those that were not tried; expert.json names all."""
 SETTINGS = (
@@ -57,6 +59,8 @@ def leaderboard(choice: Choice, *, repeated: bool = False) -> RenderableType:
     ]
     if rows:
         lines.append(Text(SETTINGS, style="dim"))
+    if any(", 1 of " in row.windows for row in shown):
+        lines.append(Text(THINNED, style="dim"))
     if len(shown) < len(rows):
         lines.append(Text(f"{len(rows) - len(shown)} more in expert.json", style="dim"))
     if choice.behind:
