@@ -48,6 +48,15 @@ def test_columns_go_by_number_where_there_is_no_header(tmp_path):
     np.testing.assert_array_equal(table.values, [[2, 1], [4, 3]])
 
 
+@pytest.mark.parametrize("time", ["t[ms]", "1[ms]"])
+def test_a_time_column_is_no_channel_though_the_table_names_it_by_number(tmp_path, time):
+    """`*` took it for one: the course of time would give labels away."""
+    (tmp_path / "a.csv").write_text("t,a,b\n10,1,2\n20,3,4\n")
+    table = read_table(tmp_path / "a.csv", parse_columns("*[V]", "here"), parse_time(time, "here"))
+    assert table.names == ("a", "b")
+    np.testing.assert_allclose(table.time_s, [0.010, 0.020], rtol=1e-12)
+
+
 @pytest.mark.parametrize("top", ["0,1,2", "1,2,3", ",0,1,2", '"0","1","2"', " 0 , 1 , 2 "])
 def test_a_header_that_counts_the_columns_is_no_scan(tmp_path, top):
     """pandas writes 0,1,2 where columns have no names; its index comes first, without a name."""

@@ -207,6 +207,20 @@ def is_whole(name: str) -> bool:
     return name.isascii() and name.isdecimal()
 
 
+def header_names(names: Collection[str], header: Sequence[str]) -> set[str]:
+    """Return columns of a text as its header calls them, also those that are named by numbers.
+
+    Args:
+        names: As the import table names them.
+        header: The text's own names, in order; empty where it has none.
+    """
+    found = set(names)
+    for name in found - set(header):
+        if is_whole(name) and len(name) < 7 and 1 <= int(name) <= len(header):
+            found = found | {header[int(name) - 1]}
+    return found
+
+
 def count_columns(cells: Sequence[str]) -> bool:
     """Return whether cells count two columns or more, from 0 or 1; an index has no name."""
     numbers = list(cells[1:] if cells[0] == "" else cells)

@@ -17,6 +17,7 @@ import numpy as np
 from taxel.errors import BadTable
 from taxel.plain_text import visible
 from taxel.recordings.imports.table_columns import text_cells, text_names
+from taxel.recordings.imports.table_form import header_names
 from taxel.recordings.imports.tables import (
     ALL,
     Missing,
@@ -26,7 +27,7 @@ from taxel.recordings.imports.tables import (
     parse_time,
     read_table,
 )
-from taxel.recordings.imports.trial_sets import MOST_TRIALS, Padding, header_names
+from taxel.recordings.imports.trial_sets import MOST_TRIALS, Padding
 
 _ENOUGH_LINES = 3
 """From which on a column can be seen to count them. Source: our choice, docs/decisions/0011."""

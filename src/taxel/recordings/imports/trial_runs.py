@@ -15,7 +15,7 @@ from taxel.errors import BadTable
 from taxel.plain_text import visible
 from taxel.recordings.imports.restarts import RESTARTS, begins_anew
 from taxel.recordings.imports.table_columns import text_cells, text_names
-from taxel.recordings.imports.table_form import is_number
+from taxel.recordings.imports.table_form import header_names, is_number
 from taxel.recordings.imports.tables import (
     ALL,
     Missing,
@@ -26,7 +26,7 @@ from taxel.recordings.imports.tables import (
     parse_time,
     read_table,
 )
-from taxel.recordings.imports.trial_sets import AND, MOST_TRIALS, Padding, header_names
+from taxel.recordings.imports.trial_sets import AND, MOST_TRIALS, Padding
 from taxel.recordings.time_stamps import stamp_s
 
 

@@ -58,20 +58,6 @@ class Padding:
     """Rows of zeros at its end, which may be padding or values, and were kept."""
 
 
-def header_names(names: Sequence[str], header: Sequence[str]) -> set[str]:
-    """Return columns of a text as its header calls them, also those that are named by numbers.
-
-    Args:
-        names: As the import table names them.
-        header: The text's own names, in order; empty where it has none.
-    """
-    found = set(names)
-    for name in found - set(header):
-        if name.isdecimal() and len(name) < 7 and 1 <= int(name) <= len(header):
-            found = found | {header[int(name) - 1]}
-    return found
-
-
 class TrialSet(Protocol):
     """The trials of one row."""
 
