@@ -10,7 +10,7 @@ from taxel.errors import BadSplit
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.first_share import first_share
 from taxel.evaluation.splits import parse_split
-from taxel.training.choose.inner_folds import Held, what_is_held
+from taxel.training.choose.inner_folds import Held, inner_folds, what_is_held
 
 
 def test_trials_of_one_number_stay_together():
@@ -108,3 +108,46 @@ def test_a_group_named_without_its_word_is_advised():
         parse_split("sessions", make_dataset(), "shape", 5, 0)
     with pytest.raises(BadSplit, match="say group:take"):
         split_trials([{"take": "1"}, {"take": "2"}], np.arange(2), "take", 5, 0)
+
+
+def test_touches_marked_in_one_recording_are_split_by_the_time_at_which_they_begin():
+    """They have no number of their own; inner folds hold out later ones, too."""
+    dataset = make_dataset()
+    trials = tuple(
+        replace(trial, recording="long", start_s=9.5 * place, end_s=9.5 * place + 8)
+        for place, trial in enumerate(dataset.trials)
+    )
+    marked = replace(dataset, trials=trials)
+    y = np.arange(len(trials)) % 2
+
+    split = parse_split("order:time:70%", marked, "shape", 5, 0)
+    (fold,) = split.folds
+
+    assert split.key == "time"
+    starts = marked.group("time").astype(float)
+    assert starts[sorted(fold.train)].max() < starts[sorted(fold.test)].min()
+    held = what_is_held(trials, y, sorted(fold.train), sorted(fold.test), split.key)
+    assert held == Held("time", ordered=True)
+    places = inner_folds(trials, y, sorted(fold.train), held)
+    assert (np.diff(places) >= 0).all()
+    assert len(set(places)) > 2
+
+
+def test_a_group_that_is_called_time_is_what_its_name_says():
+    dataset = make_dataset()
+    trials = tuple(
+        replace(trial, groups={**trial.groups, "time": str(100 - place)})
+        for place, trial in enumerate(dataset.trials)
+    )
+
+    found = replace(dataset, trials=trials).group("time")
+
+    assert found.tolist() == [str(100 - place) for place in range(len(trials))]
+
+
+def test_recordings_of_one_trial_each_have_no_time_to_split_by():
+    dataset = make_dataset()
+    apart = tuple(replace(trial, start_s=0.0) for trial in dataset.trials)
+
+    with pytest.raises(BadSplit, match="two or more numbers in the group 'time'"):
+        parse_split("order:time:70%", replace(dataset, trials=apart), "shape", 5, 0)

@@ -17,6 +17,8 @@ OBJECTS = ("object", "cup", "item", "specimen")
 """Groups that say what was touched; they may well predict the class."""
 USUAL_GROUPS = (*OBJECTS, "session", "sitting", "day", "person", "subject")
 """Groups that people part trials by: named first where others part them alike."""
+TIME = "time"
+"""In place of a group, unless one is called so: when a trial begins in its recording, seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +40,17 @@ class Trial:
     def duration_s(self) -> float:
         """Length of the trial, seconds."""
         return self.end_s - self.start_s
+
+
+def group_value(trial: Trial, key: str) -> str | None:
+    """Return a trial's value of a group, or of `TIME`; None where it has none.
+
+    Args:
+        trial: Of an array.
+        key: The group's name.
+    """
+    found = trial.groups.get(key)
+    return f"{trial.start_s:.6f}" if found is None and key == TIME else found
 
 
 def coarsest_group(trials: Sequence[Trial], split: str = "") -> str:

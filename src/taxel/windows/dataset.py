@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
 from taxel.labels.class_order import in_order
-from taxel.labels.trials import Trial, trials_of
+from taxel.labels.trials import Trial, group_value, trials_of
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.checks import (
@@ -109,19 +109,20 @@ class Dataset:
         return by_trial[self.trial]
 
     def group(self, key: str) -> NDArray[np.str_]:
-        """Return each trial's group, shape (trials,).
+        """Return each trial's group, or when it begins for the key "time", shape (trials,).
 
         Raises:
             BadDataset: A trial has no such group.
         """
         known = sorted({name for trial in self.trials for name in trial.groups})
-        if any(key not in trial.groups for trial in self.trials):
+        values = [group_value(trial, key) for trial in self.trials]
+        if None in values:
             raise BadDataset(
                 f"the group {key!r} on every trial",
                 f"trials with the groups {', '.join(known)}",
                 "name one of those, or import again with a group column for it",
             )
-        return np.array([trial.groups[key] for trial in self.trials])
+        return np.array(values)
 
 
 def load_dataset(

@@ -50,6 +50,7 @@ def test_what_changes_from_earlier_to_later_trials_is_a_hazard(make_set: Make) -
     assert found["order effect"].verdict == "hazard"
     assert "points that a new later trial will not give" in found["order effect"].said
     assert found["drift"].verdict == "note"
+    assert "--split order:KEY:70%" in found["drift"].mend
 
 
 def test_no_drift_no_order_effect(make_set: Make) -> None:

@@ -22,6 +22,7 @@ from taxel.evaluation.audit.gaps import Gap
 from taxel.evaluation.audit.nuisances import sum_up
 from taxel.evaluation.audit.origins import recorded_order
 from taxel.evaluation.audit.touch_set import SESSIONS, TouchSet
+from taxel.labels.trials import TIME
 
 LEAST_CELL, LEAST_LATE = 4, 8
 """Trials of a class (in a session) that can be halved, and later trials in all, at least. Source:
@@ -115,7 +116,7 @@ def _cost(
         loosely="trials of any time to learn from",
         strictly=f"as many earlier ones only, tested on later ones (by {how})",
         mend="record classes in mixed order over several sessions, and test on what was recorded "
-             "later, as with --split order:KEY:70%",
+             f"later, as with {_later_split(case.touch)}",
         split_does=mixes, units=int(late.sum()),
     )  # fmt: skip
 
@@ -141,10 +142,17 @@ def _drift(
             "note",
             f"Later trials of a class differ from earlier ones (by {how}): something drifts "
             "while they are recorded.",
-            "test on what was recorded later, and tare if it is a level that drifts",
+            f"test on what was recorded later, as with {_later_split(case.touch)}, and tare if it "
+            "is a level that drifts",
         )
 
     return Reading(kind="drift", evidence=found, decide=decide)
+
+
+def _later_split(touch: TouchSet) -> str:
+    """Return the option that tests later trials: by time where one recording holds them all."""
+    alone = len({trial.recording for trial in touch.trials}) == 1
+    return f"--split order:{TIME if alone and touch.group(TIME) is None else 'KEY'}:70%"
 
 
 def _random_halves(

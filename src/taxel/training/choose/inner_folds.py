@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.labels.trials import USUAL_GROUPS, Trial
+from taxel.labels.trials import TIME, USUAL_GROUPS, Trial, group_value
 
 FOLDS = 5
 """Inner folds of successive trials. Source: our choice, 0039."""
@@ -60,7 +60,8 @@ def _values(trials: Sequence[Trial], key: str) -> NDArray[np.str_]:
     """Return a group's value of each trial; one that lacks it, as a table of folds may leave out,
     stands alone.
     """
-    return np.array([trial.groups.get(key, trial.groups["trial"]) for trial in trials])
+    found = ((group_value(trial, key), trial.groups["trial"]) for trial in trials)
+    return np.array([alone if value is None else value for value, alone in found])
 
 
 def what_is_held(
@@ -88,9 +89,10 @@ def what_is_held(
     """
     common = set.intersection(*(set(trials[i].groups) for i in (*train, *test)))
     found = []
+    common |= {TIME} & {named}
     for key in sorted(common - set(_FINE)):
-        own = {trials[i].groups[key] for i in train}
-        others = {trials[i].groups[key] for i in test}
+        own = {group_value(trials[i], key) for i in train}
+        others = {group_value(trials[i], key) for i in test}
         ordered = _later(key, trials, y, train, test)
         least = 2 if key == named else 3
         grouped = least <= len(own) <= len(train) / 2
@@ -111,7 +113,7 @@ def _later(
 ) -> bool:
     """Return whether in each class on both sides a group's test values are the larger numbers."""
     try:
-        values = np.array([float(trial.groups.get(key, "nan")) for trial in trials])
+        values = np.array([float(group_value(trial, key) or "nan") for trial in trials])
     except ValueError:
         return False
     learned, tested = np.asarray(train, np.intp), np.asarray(test, np.intp)
@@ -150,7 +152,7 @@ def inner_folds(
         )  # fmt: skip
     if held.key is not None:
         if held.ordered:  # what lacks the number comes last
-            numbers = [float(trials[i].groups.get(held.key, "nan")) for i in own]
+            numbers = [float(group_value(trials[i], held.key) or "nan") for i in own]
             return _by_later(np.array(numbers), y[own])
         fold = _by_groups(_values([trials[i] for i in own], held.key), y[own])
         if fold is not None:
