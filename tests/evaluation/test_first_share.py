@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from make_dataset import make_dataset
 
-from taxel.errors import BadSplit
+from taxel.errors import BadDataset, BadSplit
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.first_share import first_share
 from taxel.evaluation.splits import parse_split
@@ -145,9 +145,26 @@ def test_a_group_that_is_called_time_is_what_its_name_says():
     assert found.tolist() == [str(100 - place) for place in range(len(trials))]
 
 
-def test_recordings_of_one_trial_each_have_no_time_to_split_by():
+def test_recordings_with_clocks_of_their_own_have_no_time_to_split_by():
+    """Nine seconds of each are no order; nor is a group that some trials have."""
     dataset = make_dataset()
-    apart = tuple(replace(trial, start_s=0.0) for trial in dataset.trials)
+    with pytest.raises(BadDataset, match="6 recordings, each with a clock of its own"):
+        parse_split("order:time:70%", dataset, "shape", 5, 0)
 
-    with pytest.raises(BadSplit, match="two or more numbers in the group 'time'"):
-        parse_split("order:time:70%", replace(dataset, trials=apart), "shape", 5, 0)
+    first, *others = dataset.trials
+    some = replace(first, groups={**first.groups, "time": "9"})
+    with pytest.raises(BadDataset, match="the group 'time' on every trial"):
+        replace(dataset, trials=(some, *others)).group("time")
+
+
+def test_names_with_an_underscore_are_no_numbers():
+    """Python reads 1_10, a day and a run, as 110: days 2 and 3 came before it."""
+    sessions = np.array(["1_9", "1_10", "2_1", "2_2"])
+    with pytest.raises(BadSplit, match="'1_9' is a name"):
+        first_share("session", sessions, np.arange(4) % 2, "50%")
+    trials = [replace(own, groups={**own.groups, "session": sessions[place % 4]})
+              for place, own in enumerate(make_dataset().trials)]  # fmt: skip
+    train = [i for i, own in enumerate(trials) if own.groups["session"] != "1_10"]
+    test = [i for i, own in enumerate(trials) if own.groups["session"] == "1_10"]
+
+    assert not what_is_held(trials, np.arange(len(trials)) % 2, train, test, "session").ordered

@@ -15,6 +15,7 @@ from taxel.evaluation.kept_folds import Keeping, content_digest
 from taxel.evaluation.table_split import OWN_SPLIT
 from taxel.jobs.local import LocalEngine
 from taxel.jobs.running import use_engine
+from taxel.recordings.imports.importing import import_table
 from taxel.sources.simulated.data_sets import write_sessions
 from taxel.sources.simulated.teng_options import checked_config
 from taxel.training.loop import TrainConfig
@@ -94,3 +95,26 @@ def test_folds_side_by_side_are_equal_bit_for_bit_and_kept_as_they_come(
     assert same(here, again)
     assert again.kept == 5
     assert len([line for line in lines if "extra-trees" in line]) == 3
+
+
+def test_folds_kept_under_other_groups_are_fitted_anew(tmp_path: Path) -> None:
+    """Sessions corrected after an interruption: a kept fold had them on both sides."""
+    rng = np.random.default_rng(0)
+    for n in range(12):
+        np.savetxt(tmp_path / f"{n}.csv", rng.normal(n % 2, 0.1, (20, 2)), delimiter=",")
+    recipe = replace(
+        find_recipe("array"), target="kind", split="group:session", train=TrainConfig(epochs=1)
+    )
+    used = []
+    for name, session in (("wrong", lambda n: n // 4), ("again", lambda n: n // 4),
+                          ("mended", lambda n: n // 2 % 3)):  # fmt: skip
+        lines = ["file,label:kind,group:session,channels,time"]
+        lines += [f"{n}.csv,{'ab'[n % 2]},s{session(n)},1[N] 2[N],rate:50Hz" for n in range(12)]
+        (tmp_path / "table.csv").write_text("\n".join(lines) + "\n")
+        import_table(tmp_path / "table.csv", tmp_path / name)
+        found = check_recipe(
+            tmp_path / name, recipe, folds=3, bars=(), keep=Keeping(tmp_path / "folds")
+        )
+        used.append(found.kept)
+
+    assert used == [0, 3, 0]

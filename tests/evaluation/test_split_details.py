@@ -159,26 +159,31 @@ def test_fewer_than_two_folds_are_refused(folds: int) -> None:
 def test_a_split_by_order_ends_where_it_is_told_to() -> None:
     dataset = make_dataset()
     numbers = dataset.group("number").astype(int)
-    split = by_order(dataset, "number", 2, 4)
+    split = by_order(dataset, "shape", "number", 3, 5)
     fold = split.folds[0]
 
     assert isinstance(fold, TrialFold)
     assert (split.name, fold.name, split.final) == (
-        "number up to 2 → above, up to 4", "number up to 2 → above, up to 4", None,
+        "number up to 3 → above, up to 5", "number up to 3 → above, up to 5", None,
     )  # fmt: skip
-    assert sorted(set(numbers[list(fold.train)])) == [1, 2]
-    assert sorted(set(numbers[list(fold.test)])) == [3, 4]
+    assert sorted(set(numbers[list(fold.train)])) == [1, 2, 3]
+    assert sorted(set(numbers[list(fold.test)])) == [4, 5]
+
+
+def test_a_split_by_order_that_tests_a_class_never_learned_is_refused() -> None:
+    with pytest.raises(BadSplit, match=r"every tested class of 'shape'.*none of c2"):
+        by_order(make_dataset(), "shape", "number", 2)
 
 
 @pytest.mark.parametrize(("last", "got"), [(6, "36 and 0"), (0, "0 and 36")])
 def test_a_split_by_order_with_an_empty_side_is_refused(last: float, got: str) -> None:
     with pytest.raises(BadSplit, match=f"{got}.*between 1 and 6"):
-        by_order(make_dataset(), "number", last)
+        by_order(make_dataset(), "shape", "number", last)
 
 
 def test_a_split_by_order_of_words_is_refused() -> None:
     with pytest.raises(BadSplit, match="numbers in the group 'session'"):
-        by_order(make_dataset(), "session", 3)
+        by_order(make_dataset(), "shape", "session", 3)
 
 
 @pytest.mark.parametrize(("text", "name", "folds"), [

@@ -91,7 +91,7 @@ def test_every_training_part_holds_every_class() -> None:
 def test_a_split_by_order_trains_on_the_first() -> None:
     dataset = make_dataset()
     numbers = dataset.group("number").astype(int)[dataset.trial]
-    train, test = by_order(dataset, "number", 3).folds[0].windows(dataset)
+    train, test = by_order(dataset, "shape", "number", 3).folds[0].windows(dataset)
 
     assert numbers[train].max() == 3
     assert numbers[test].min() == 4

@@ -5,7 +5,14 @@ from pathlib import Path
 import pytest
 
 from taxel.labels.class_order import figures_as_classes
-from taxel.labels.trials import Trial, coarsest_group, held_out, lone_group, trials_of
+from taxel.labels.trials import (
+    Trial,
+    coarsest_group,
+    held_out,
+    lone_group,
+    span_at,
+    trials_of,
+)
 from taxel.recordings.manifest import Manifest
 from taxel.signals import Mark, SensorInfo
 
@@ -112,3 +119,15 @@ def test_a_label_of_measured_figures_is_named_as_such():
     assert figures_as_classes([f"k{n}" for n in range(90)], "name") is None
     assert figures_as_classes([str(n) for n in range(10)] * 3, "digit") is None
     assert figures_as_classes(["1", "2", "3"], "grip") is None
+
+
+def test_a_moment_belongs_to_the_stretch_that_holds_it_though_its_neighbour_is_near():
+    """At 2 kHz the last scan of one trial is half a millisecond before the next one's first."""
+    spans = [(0.0, 0.0995), (0.1, 0.1995), (0.2, 0.2995)]
+
+    assert [span_at(moment, spans, 1e-3) for moment in (0.0, 0.1, 0.2)] == [0, 1, 2]
+    assert span_at(0.0998, spans, 1e-3) == 1  # between them: the nearer
+    assert span_at(0.3004, spans, 1e-3) == 2
+    assert span_at(0.302, spans, 1e-3) is None
+    assert span_at(0.1, [], 1e-3) is None
+    assert span_at(0.1, [(0.0, 0.1), (0.1, 0.2)], 1e-3) == 1  # both hold it: the one that begins

@@ -270,3 +270,20 @@ def test_times_of_an_array_that_begin_anew_are_not_cut_by_the_table(tmp_path):
     np.save(tmp_path / "a.npy", [[0, 1], [9, 1], [0, 1]])
     with pytest.raises(BadTable, match=r"once, to about .*save each trial as an array or file of"):
         read_table(tmp_path / "a.npy", parse_columns("2[V]", "here"), parse_time("1[s]", "here"))
+
+
+def test_a_row_of_numbers_and_a_label_is_no_header_where_all_columns_are_taken(tmp_path):
+    """Only the label is asked for by its number; the first trial was lost to its names."""
+    path = tmp_path / "uci.csv"
+    path.write_text("0.12,-0.13,0.64,cup\n0.22,0.31,-0.18,mug\n0.05,0.11,0.42,cup\n")
+
+    table = read_table(path, parse_columns("*[N]", "here"), TimeColumn(rate_hz=1.0), but={"4"})
+
+    assert table.names == ("1", "2", "3")
+    assert len(table.values) == 3
+
+
+def test_of_columns_that_share_a_name_none_is_left_out_because_another_is_the_time(tmp_path):
+    (tmp_path / "a.csv").write_text("x,x,y\n10,1,2\n20,3,4\n")
+    with pytest.raises(BadTable, match="2 columns of that name"):
+        read_table(tmp_path / "a.csv", parse_columns("*[V]", "here"), parse_time("1[ms]", "here"))

@@ -9,6 +9,7 @@ import pytest
 from taxel.errors import BadDataset, BadTable
 from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.recordings.manifest import NO_ARRAY, Manifest
+from taxel.recordings.reader import read_manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.windows import camera_trials
@@ -155,3 +156,22 @@ def test_a_folder_is_tried_as_each_public_data_set_in_turn(
     assert camera_trials._known(tmp_path) == [tmp_path]
     monkeypatch.setattr(camera_trials, "KNOWN_VIDEOS", {"first": other})
     assert camera_trials._known(tmp_path) == []
+
+
+def test_a_recording_with_two_labelled_stretches_is_no_camera_trial(tmp_path: Path):
+    """The first one's label stood for the frames of both."""
+    record(tmp_path / "a.mcap", LEVELS)
+    assert [trial.labels["kind"] for trial in read_camera_trials(tmp_path)] == ["q"]
+    manifest = read_manifest(tmp_path / "a.mcap")
+    with Recorder(tmp_path / "b.mcap", manifest) as recorder:
+        for number, level in enumerate(LEVELS):
+            for camera in range(2):
+                recorder.frame(Frame(
+                    camera=camera, jpeg=picture(level), counter=number,
+                    device_s=float("nan"), arrival_s=number / 20, fitted_s=number / 20,
+                ))  # fmt: skip
+        for start, kind in ((0.0, "p"), (0.3, "q")):
+            recorder.mark(Mark(start_s=start, end_s=start + 0.25, labels={"kind": kind}))
+
+    with pytest.raises(BadDataset, match=r"one labelled stretch in each.*got 2 in .*b\.mcap"):
+        read_camera_trials(tmp_path)

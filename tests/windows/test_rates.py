@@ -165,3 +165,20 @@ def test_one_group_is_said_only_where_the_others_are_not_there(tmp_path: Path):
         refused.value
     )
     assert "record 'coarse' in another" not in str(refused.value)
+
+
+def test_scans_slower_than_the_usual_pause_are_rows_of_one_window(tmp_path: Path):
+    """At half a scan a second each scan was a window of its own, padded to ten rows."""
+    folder = record_slow(tmp_path, rates_hz=(0.5,) * 4)
+
+    dataset = load_dataset(folder, WindowConfig(steps=10, stride=10, grid_hz=None, max_gap_s=1.0))
+
+    assert len(dataset.windows) == 4 * 4
+    assert dataset.config.max_gap_s == pytest.approx(20.0)
+
+
+def test_quicker_scans_keep_the_pause_that_is_asked_for(tmp_path: Path):
+    folder = record_slow(tmp_path, rates_hz=(15.0,) * 2)
+    asked = WindowConfig(steps=10, stride=10, grid_hz=None, max_gap_s=1.0)
+
+    assert load_dataset(folder, asked).config.max_gap_s == 1.0

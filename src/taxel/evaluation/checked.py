@@ -91,7 +91,7 @@ def check_recipe(
     opened = open_source(source)
     dataset, split = opened.dataset, opened.split
     depends_on = {"recipe": asdict(recipe), "folds": folds, "data": dataset.digest,
-                  "sides": sides_of(split) if given or recipe.split is None else None}  # fmt: skip
+                  "sides": sides_of(split)}  # fmt: skip
     kept = KeptFolds(keep.folder, depends_on, dataset, recipe.target, fresh=keep.fresh)
     library = kept
     if keep.cache is not None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
+from taxel.labels.trials import as_numbers
 
 
 def first_share(
@@ -86,7 +87,7 @@ def group_numbers(key: str, values: NDArray[np.str_]) -> NDArray[np.float64]:
         BadSplit: One is text, or no finite number.
     """
     try:
-        numbers = values.astype(float)
+        numbers = as_numbers(values)
     except ValueError as error:
         raise BadSplit(f"numbers in the group {key!r}", f"text ({error})", "choose another group") \
             from error  # fmt: skip

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.evaluation.splits import Fold, Split, TrialFold, parse_split
+from taxel.evaluation.splits import Fold, Split, TrialFold, check_classes, parse_split
 from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere, split_elsewhere
 from taxel.evaluation.usual_split import usual_split
 from taxel.training.choose.preparations import Base
@@ -100,4 +100,5 @@ def _other_folder(base: Base, folder: Path) -> Split:
     """Return the split that tests the other folder's trials."""
     own = frozenset(base.own)
     fold = TrialFold("test", own, frozenset(range(len(base.trials))) - own)
+    check_classes(base.dataset, base.target, fold)
     return Split(f"trained elsewhere, tested on {folder.name}", (fold,), None)

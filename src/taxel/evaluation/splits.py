@@ -206,11 +206,12 @@ def by_group(
     return Split(f"{key} held out", parts, final_fold, key)
 
 
-def by_order(dataset: Dataset, key: str, last: float, end: float = np.inf) -> Split:
+def by_order(dataset: Dataset, target: str, key: str, last: float, end: float = np.inf) -> Split:
     """Train on groups numbered up to `last`, test on those above it and up to `end`.
 
     Raises:
-        BadSplit: The group is not a number, or one side is empty.
+        BadSplit: The group is not a number, one side is empty, or a class is tested and not trained
+            on.
     """
     numbers = group_numbers(key, dataset.group(key))
     everyone = np.arange(len(numbers))
@@ -223,7 +224,9 @@ def by_order(dataset: Dataset, key: str, last: float, end: float = np.inf) -> Sp
             f"choose a number between {numbers.min():g} and {numbers.max():g}",
         )
     name = f"{key} up to {last:g} → above" + (f", up to {end:g}" if np.isfinite(end) else "")
-    return Split(name, (_fold(name, before, after),), None, key)
+    fold = _fold(name, before, after)
+    check_classes(dataset, target, fold)
+    return Split(name, (fold,), None, key)
 
 
 def by_share(dataset: Dataset, target: str, key: str, text: str) -> Split:
@@ -243,6 +246,24 @@ def by_share(dataset: Dataset, target: str, key: str, text: str) -> Split:
     first, name = first_share(key, dataset.group(key), y, text)
     return Split(name, (TrialFold.of(name, np.flatnonzero(first), np.flatnonzero(~first)),),
                  None, key)  # fmt: skip
+
+
+def check_classes(dataset: Dataset, target: str, fold: TrialFold) -> None:
+    """Refuse a fold that tests a class which its training part lacks, or trains one class only.
+
+    Raises:
+        BadSplit: So it is.
+    """
+    trained, tested = ({dataset.trials[i].labels[target] for i in side}
+                       for side in (fold.train, fold.test))  # fmt: skip
+    if lacking := sorted(tested - trained):
+        raise BadSplit(
+            f"every tested class of {target!r} in the training part of {fold.name}",
+            f"none of {', '.join(lacking)}", "train on it too, or leave it out of the test part",
+        )  # fmt: skip
+    if len(trained) < 2:
+        raise BadSplit(f"at least two classes of {target!r} to train on in {fold.name}",
+                       f"{', '.join(trained)} only", "add recordings of another")  # fmt: skip
 
 
 def parse_split(text: str, dataset: Dataset, target: str, folds: int, seed: int) -> Split:
@@ -265,7 +286,7 @@ def parse_split(text: str, dataset: Dataset, target: str, folds: int, seed: int)
         except ValueError:
             limits = []
         if limits:
-            return by_order(dataset, words[1], *limits)
+            return by_order(dataset, target, words[1], *limits)
     known = sorted(set.intersection(*(set(trial.groups) for trial in dataset.trials)))
     raise BadSplit(
         f"a split: {NAMED}", repr(text),

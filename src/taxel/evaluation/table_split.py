@@ -16,8 +16,8 @@ import numpy as np
 from taxel.errors import BadSplit, BadTable
 from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_table, refuse_twice
 from taxel.evaluation.shared_values import objects_on_both
-from taxel.evaluation.splits import Split, TrialFold
-from taxel.labels.trials import Trial
+from taxel.evaluation.splits import Split, TrialFold, check_classes
+from taxel.labels.trials import Trial, span_at
 from taxel.plain_text import figures
 from taxel.recordings.reader import list_recordings
 from taxel.windows.dataset import LABEL_THEM, Dataset
@@ -163,24 +163,6 @@ def trials_to_score(
     return test
 
 
-def check_classes(dataset: Dataset, target: str, fold: TrialFold) -> None:
-    """Refuse a fold that tests a class which its training part lacks, or trains one class only.
-
-    Raises:
-        BadSplit: So it is.
-    """
-    trained, tested = ({dataset.trials[i].labels[target] for i in side}
-                       for side in (fold.train, fold.test))  # fmt: skip
-    if lacking := sorted(tested - trained):
-        raise BadSplit(
-            f"every tested class of {target!r} in the training part of {fold.name}",
-            f"none of {', '.join(lacking)}", "train on it too, or leave it out of the test part",
-        )  # fmt: skip
-    if len(trained) < 2:
-        raise BadSplit(f"at least two classes of {target!r} to train on in {fold.name}",
-                       f"{', '.join(trained)} only", "add recordings of another")  # fmt: skip
-
-
 def _test_folder(dataset: Dataset, target: str, folder: Path) -> tuple[Dataset, Split]:
     joined = join_datasets(dataset, folder, target)
     first = len(dataset.trials)
@@ -263,12 +245,17 @@ def _some(values: Sequence[str]) -> str:
 
 def _moved(row: FoldRow, trials: Sequence[Trial]) -> frozenset[int]:
     """Return the trials that a row moves; none where it names nothing that is there."""
-    whole = row.start_s != row.start_s
-    return frozenset(
-        i for i, trial in enumerate(trials)
-        if trial.groups.get(row.key) == row.value
-        and (whole or trial.start_s - _SLACK_S <= row.start_s <= trial.end_s + _SLACK_S)
-    )  # fmt: skip
+    own = [i for i, trial in enumerate(trials) if trial.groups.get(row.key) == row.value]
+    if row.start_s != row.start_s:
+        return frozenset(own)
+    found = set()
+    for name in {trials[i].recording for i in own}:
+        here = [i for i in own if trials[i].recording == name]
+        spans = [(trials[i].start_s, trials[i].end_s) for i in here]
+        place = span_at(row.start_s, spans, _SLACK_S)
+        if place is not None:
+            found.add(here[place])
+    return frozenset(found)
 
 
 def _all(parts: Iterable[frozenset[int]]) -> frozenset[int]:

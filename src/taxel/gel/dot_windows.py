@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 _BLACK, _BARE = 0.5, 0.82
 """Brightness against a window's rim that weighs fully and not at all: measured 0.3 to 0.5 in
 a dot, 1 beside it. What is inside a dot (glints) weighs the same, so it cannot pull."""
+CLEAR_PX = 2.0
+"""Between a window and its neighbour's rim. Source: our choice, docs/decisions/0012."""
 _CENTRED_PX = 1.0
 """A window further off than this is taken again: its rim would touch the dot."""
 _GREY = 110.0
@@ -48,7 +50,7 @@ class DotWindows:
             spacing_px: Between neighbours; limits the window.
             shape: The image's height and width, px.
         """
-        radius = min(0.5 * diameter_px + 4.5, spacing_px - 0.5 * diameter_px - 2.0)
+        radius = min(0.5 * diameter_px + 4.5, spacing_px - 0.5 * diameter_px - CLEAR_PX)
         whole = int(np.ceil(radius))
         y, x = np.mgrid[-whole : whole + 1, -whole : whole + 1].astype(np.float32)
         r = np.hypot(x, y)

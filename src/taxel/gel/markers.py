@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSource
-from taxel.gel.dot_windows import DotWindows, centroids, level_image, levels_of
+from taxel.gel.dot_windows import CLEAR_PX, DotWindows, centroids, level_image, levels_of
 
 Rgb = NDArray[np.uint8]
 Points = NDArray[np.float32]
@@ -83,7 +83,8 @@ def find_markers(rgb: Rgb) -> Points:
         rgb: Shape (height, width, 3), red first.
 
     Returns:
-        Shape (m, 2), x then y, px; m is 0 on a gel without dots.
+        Shape (m, 2), x then y, px; m is 0 on a gel without dots, or where an image is so small that
+        no window between two of them holds a pixel.
 
     Raises:
         BadSource: The image is not of that shape.
@@ -93,7 +94,10 @@ def find_markers(rgb: Rgb) -> Points:
     rough, diameter = _rough_dots(rgb, scale)
     if len(rough) < _FEWEST:
         return np.zeros((0, 2), np.float32)
-    windows = DotWindows.around(diameter, _spacing(rough), rgb.shape[:2])
+    spacing = _spacing(rough)
+    if spacing <= 0.5 * diameter + CLEAR_PX:
+        return np.zeros((0, 2), np.float32)
+    windows = DotWindows.around(diameter, spacing, rgb.shape[:2])
     image = level_image(rgb, levels_of(rgb))
     at, _ = centroids(image, rough, windows)
     gone = np.linalg.norm(at - rough, axis=1) > 0.35 * diameter

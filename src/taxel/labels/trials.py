@@ -6,9 +6,12 @@ imported file. Knows nothing about windows, models or splits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from taxel.recordings.manifest import Manifest
 from taxel.signals import Mark
@@ -18,7 +21,7 @@ OBJECTS = ("object", "cup", "item", "specimen")
 USUAL_GROUPS = (*OBJECTS, "session", "sitting", "day", "person", "subject")
 """Groups that people part trials by: named first where others part them alike."""
 TIME = "time"
-"""In place of a group, unless one is called so: when a trial begins in its recording, seconds."""
+"""In place of a group, unless one is called so: when a trial of a recording begins, seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +54,37 @@ def group_value(trial: Trial, key: str) -> str | None:
     """
     found = trial.groups.get(key)
     return f"{trial.start_s:.6f}" if found is None and key == TIME else found
+
+
+def as_numbers(values: Iterable[str]) -> NDArray[np.float64]:
+    """Return values of a group as numbers, shape (n,).
+
+    Raises:
+        ValueError: One is text. So is 1_10, a day and a run, which Python would take for 110.
+    """
+    texts = list(values)
+    if odd := next((text for text in texts if "_" in text), None):
+        raise ValueError(f"{str(odd)!r} is a name")
+    return np.array([float(text) for text in texts])
+
+
+def span_at(moment_s: float, spans: Sequence[tuple[float, float]], slack_s: float) -> int | None:
+    """Return which stretch a moment lies in; None where it lies in none.
+
+    Where stretches follow each other closely, the last to begin of those that hold it; only where
+    none does, the nearest within the slack.
+
+    Args:
+        moment_s: Seconds.
+        spans: First and last moment of each, same clock.
+        slack_s: How far outside it may lie, as tables round.
+    """
+    inside = [i for i, (first, last) in enumerate(spans) if first <= moment_s <= last]
+    if inside:
+        return max(inside, key=lambda i: spans[i][0])
+    away = [max(first - moment_s, moment_s - last) for first, last in spans]
+    near = min(range(len(spans)), key=lambda i: away[i], default=None)
+    return near if near is not None and away[near] <= slack_s else None
 
 
 def coarsest_group(trials: Sequence[Trial], split: str = "") -> str:

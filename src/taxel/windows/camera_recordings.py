@@ -44,6 +44,8 @@ class CameraRecording:
     """Shape (n, channels): the array's last scan at each set's time."""
     digest: str
     """SHA-256 over all images in order, hexadecimal."""
+    marked: int = 1
+    """Labelled stretches; labels and groups are the first's."""
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -108,6 +110,7 @@ def read_camera_recording(path: Path, least: int = LEAST_FRAMES) -> CameraRecord
         image=np.array(image, np.intp),
         beside=_latest(recording.samples.values, recording.samples.fitted_s, time_s),
         digest=whole.hexdigest(),
+        marked=len(trials),
     )
 
 

@@ -185,6 +185,13 @@ def _of_row(row: VideoRow) -> CameraTrial:
 
 
 def _of_pour(pour: CameraRecording) -> CameraTrial:
+    if pour.marked > 1:
+        raise BadDataset(
+            "one labelled stretch in each recording of cameras, as one trial",
+            f"{pour.marked} in {pour.path}",
+            "record each trial apart, or export the videos and cut them",
+        )
+
     def read(camera: int) -> Iterator[Image]:
         last: tuple[bytes, Image] | None = None
         for found in frame_sets(pour.path, len(pour.cameras)):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
 from taxel.labels.class_order import in_order
-from taxel.labels.trials import Trial, group_value, trials_of
+from taxel.labels.trials import TIME, Trial, group_value, trials_of
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.checks import (
@@ -31,7 +31,7 @@ from taxel.windows.checks import (
     too_old,
 )
 from taxel.windows.config import WindowConfig
-from taxel.windows.rates import fit_age, rates_note, rates_of
+from taxel.windows.rates import fit_age, fit_gap, rates_note, rates_of
 from taxel.windows.reference import Reference, parse_reference, session_levels, to_usual
 from taxel.windows.windower import Windows, cut_windows
 
@@ -109,14 +109,25 @@ class Dataset:
         return by_trial[self.trial]
 
     def group(self, key: str) -> NDArray[np.str_]:
-        """Return each trial's group, or when it begins for the key "time", shape (trials,).
+        """Return each trial's group, shape (trials,); for the key "time", where no trial has such a
+        group, when each begins.
 
         Raises:
-            BadDataset: A trial has no such group.
+            BadDataset: A trial has no such group; or for "time" there are several recordings, each
+                with a clock of its own.
         """
         known = sorted({name for trial in self.trials for name in trial.groups})
+        begins = key == TIME and TIME not in known
+        many = len({trial.recording for trial in self.trials})
+        if begins and many > 1:
+            raise BadDataset(
+                f"one recording with all trials, to order them by {TIME}",
+                f"{many} recordings, each with a clock of its own",
+                "name a group of numbers, such as one for the day or the trial",
+            )
         values = [group_value(trial, key) for trial in self.trials]
-        if None in values:
+        if any((own is None) or (key not in t.groups and not begins)
+               for own, t in zip(values, self.trials, strict=True)):  # fmt: skip
             raise BadDataset(
                 f"the group {key!r} on every trial",
                 f"trials with the groups {', '.join(known)}",
@@ -151,7 +162,7 @@ def load_dataset(
     paths = list_recordings(path)
     stated = config.max_age_s is not None and config.grid_hz is None  # then no rate is asked for
     rates_hz = [] if stated else rates_of(paths)
-    config = fit_age(config, rates_hz)
+    config = fit_gap(fit_age(config, rates_hz), rates_hz)
     sensor: SensorInfo | None = None
     trials: list[Trial] = []
     parts: list[Windows] = []

@@ -15,6 +15,9 @@ from statistics import median_low
 from taxel.recordings.reader import list_recordings, read_manifest
 from taxel.windows.config import MOST_RATE_CHANGE, WindowConfig, largest_age_s
 
+PAUSE_ROWS = 10
+"""Lost rows after which a new stretch begins. Source: our choice, docs/decisions/0039."""
+
 
 def rates_of(paths: Sequence[Path]) -> list[float]:
     """Return the own rate of each recording that states one, hertz.
@@ -72,6 +75,21 @@ def fit_age(config: WindowConfig, rates_hz: Sequence[float]) -> WindowConfig:
         return config
     usual_hz = median_low(rates_hz) if rates_hz else 0.0
     return replace(config, max_age_s=largest_age_s(usual_hz))
+
+
+def fit_gap(config: WindowConfig, rates_hz: Sequence[float]) -> WindowConfig:
+    """Return a window that a slow sensor's own scans do not end; as it is where scans are quick.
+
+    Where two periods are longer than the pause that ends a window, each scan would be one alone.
+
+    Args:
+        config: A window.
+        rates_hz: The recordings' own, hertz.
+    """
+    slowest_hz = min([*rates_hz, *([config.grid_hz] if config.grid_hz else [])], default=0.0)
+    if slowest_hz <= 0 or config.max_gap_s >= 2.0 / slowest_hz:
+        return config
+    return replace(config, max_gap_s=PAUSE_ROWS / slowest_hz)
 
 
 def rates_note(config: WindowConfig, rates_hz: Sequence[float]) -> list[str]:

@@ -160,3 +160,57 @@ def test_what_is_tested_only_is_no_part_of_what_a_bundle_knows_of_training(tmp_p
     assert alone is not None
     assert both.still[1] > 0.3
     assert alone.still[1] == 0.0
+
+
+def array_files(folder: Path, lengths: list[int]) -> Path:
+    """Import a trial of two classes in turn for each length; return where to."""
+    folder.mkdir()
+    rng = np.random.default_rng(len(lengths))
+    lines = ["file,label:kind,channels,time"]
+    for n, rows in enumerate(lengths):
+        np.savetxt(folder / f"{n}.csv", rng.normal(size=(rows, 2)), delimiter=",")
+        lines.append(f"{n}.csv,{'xy'[n % 2]},1[N] 2[N],rate:50Hz")
+    (folder / "table.csv").write_text("\n".join(lines) + "\n")
+    import_table(folder / "table.csv", folder / "set")
+    return folder / "set"
+
+
+def test_trials_that_are_only_tested_do_not_make_windows_longer(tmp_path: Path):
+    """One long trial in the folder to test on made all training windows nine tenths padding."""
+    train = array_files(tmp_path / "train", [60] * 8)
+    test = array_files(tmp_path / "test", [60, 60, 60, 700, 60])
+
+    (alone,) = candidate_windows(load_base(train, "kind"))
+    (window,) = candidate_windows(load_base(train, "kind", test=test))
+
+    assert (window.steps, window.pad) == (alone.steps, alone.pad) == (60, False)
+
+
+def test_shorter_trials_that_are_only_tested_are_padded(tmp_path: Path):
+    train = array_files(tmp_path / "train", [60] * 8)
+    test = array_files(tmp_path / "test", [40, 60, 60])
+
+    (window,) = candidate_windows(load_base(train, "kind", test=test))
+
+    assert (window.steps, window.pad) == (60, True)
+
+
+def test_a_trial_in_no_row_of_which_every_channel_has_a_value_stops_nothing(tmp_path: Path):
+    """As a logger writes that takes its channels in turn: only windows are filled."""
+    folder = tmp_path / "files"
+    folder.mkdir()
+    rng = np.random.default_rng(1)
+    lines = ["file,label:kind,channels,time"]
+    for n in range(10):
+        values = rng.normal(size=(60, 5))
+        if n == 3:
+            values[np.arange(60), np.arange(60) % 5] = np.nan
+        np.savetxt(folder / f"{n}.csv", values, delimiter=",")
+        lines.append(f"{n}.csv,{'xy'[n % 2]},1[N] 2[N] 3[N] 4[N] 5[N],rate:50Hz")
+    (folder / "table.csv").write_text("\n".join(lines) + "\n")
+    options = ImportOptions(missing="keep")
+    import_table(folder / "table.csv", folder / "set", options=options)
+
+    (prepared,) = prepare_all(load_base(folder / "set", "kind"))
+
+    assert len(set(prepared.trial)) == 9

@@ -84,6 +84,14 @@ class TrialOptions:
         if self.test is None:
             return found
         others = read_camera_trials(self.test)
+        known = {trial.digest: trial.name for trial in found}
+        for trial in others:
+            if trial.digest in known:
+                raise BadInput(
+                    "other trials to test on than to train on",
+                    f"{trial.name} in {self.test}, which holds the images of {known[trial.digest]}",
+                    "take it out of one of the two",
+                )
         return [
             replace(trial, groups={**trial.groups, SPLIT: side})
             for side, part in (("train", found), (TEST, others))

@@ -18,7 +18,7 @@ from taxel.evaluation.audit.touch_set import Pieces, TouchSet, as_dataset, cut_p
 from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_table
 from taxel.evaluation.shared_values import can_be_held_out
 from taxel.evaluation.splits import TrialFold, parse_split
-from taxel.labels.trials import OBJECTS
+from taxel.labels.trials import OBJECTS, span_at
 from taxel.recordings.imports.video_rows import SPLIT, TEST
 
 _SLACK_S = 1e-3
@@ -172,15 +172,15 @@ def _pieces_of(touch: TouchSet, row: FoldRow, steps: int, table: FoldTable) -> l
             raise BadTable(f"one of the cameras {known}", f"{row.view!r} in {where}", "correct it")
     if np.isnan(row.start_s):
         return [(i, 0, len(touch.rows[i]), row.view, row.label_s) for i in own]
-    for i in own:
+    spans = [(min(touch.trials[i].start_s, touch.time_s[i][0]), touch.time_s[i][-1]) for i in own]
+    place = span_at(row.start_s, spans, _SLACK_S)
+    for i in () if place is None else (own[place],):
         time_s, trial = touch.time_s[i], touch.trials[i]
-        begin_s = min(trial.start_s, time_s[0]) - _SLACK_S
-        if not begin_s <= row.start_s <= time_s[-1] + _SLACK_S:
-            continue
-        first = int(np.searchsorted(time_s, row.start_s - _SLACK_S))
+        slack_s = min(_SLACK_S, 0.5 * float(np.median(np.diff(time_s)))) if len(time_s) > 1 else 0.0
+        first = int(np.searchsorted(time_s, row.start_s - slack_s))
         if not np.isnan(row.end_s):
-            stop = int(np.searchsorted(time_s, row.end_s + _SLACK_S, side="right"))
-        elif row.start_s <= max(trial.start_s, time_s[0]) + _SLACK_S:
+            stop = int(np.searchsorted(time_s, row.end_s + slack_s, side="right"))
+        elif row.start_s <= max(trial.start_s, time_s[0]) + slack_s:
             stop = len(time_s)
         else:
             stop = min(first + steps, len(time_s))

@@ -108,8 +108,8 @@ def _is_row(top: Sequence[str], second: Sequence[str], asked: Set[str]) -> bool:
     """Return whether a first line that holds words is a row all the same, and names nothing.
 
     It is one where a cell is a time stamp, as the one below it is. And it is one where columns are
-    asked for by numbers alone, one of these holds a number in both lines, and words stand above
-    words only; unless all that is asked for stands in it, or its numbers count columns.
+    asked for by numbers alone, a column holds a number in both lines, and words stand above words
+    only; unless all that is asked for stands in it, or its numbers count columns.
 
     Args:
         top: Its cells.
@@ -121,10 +121,9 @@ def _is_row(top: Sequence[str], second: Sequence[str], asked: Set[str]) -> bool:
         return True
     if not all(map(is_whole, asked)) or asked <= set(top):
         return False
-    places = [int(name) - 1 for name in asked if len(name) < 10]
     numbers = [cell for cell in top if _is_value(cell)]
     return (
-        any(all(map(_is_value, pairs[place])) for place in places if 0 <= place < len(pairs))
+        any(all(map(_is_value, pair)) for pair in pairs)
         and not any(_is_value(below) for cell, below in pairs if cell and not _is_value(cell))
         and not (numbers and count_columns(numbers))
     )
@@ -214,10 +213,20 @@ def header_names(names: Collection[str], header: Sequence[str]) -> set[str]:
         names: As the import table names them.
         header: The text's own names, in order; empty where it has none.
     """
-    found = set(names)
-    for name in found - set(header):
+    return set(names) | {header[place] for place in column_places(names, header)}
+
+
+def column_places(names: Collection[str], header: Sequence[str]) -> set[int]:
+    """Return the places of columns, from 0: by name, all that share it, else by number from 1.
+
+    Args:
+        names: As the import table names them.
+        header: The text's own names, in order.
+    """
+    found = {place for place, name in enumerate(header) if name in names}
+    for name in set(names) - set(header):
         if is_whole(name) and len(name) < 7 and 1 <= int(name) <= len(header):
-            found = found | {header[int(name) - 1]}
+            found.add(int(name) - 1)
     return found
 
 

@@ -27,7 +27,7 @@ from taxel.recordings.imports.table_columns import (
     text_columns,
     text_names,
 )
-from taxel.recordings.imports.table_form import TEXT_ENDINGS, header_names
+from taxel.recordings.imports.table_form import TEXT_ENDINGS, column_places
 from taxel.recordings.scan_layout import FURTHEST_S
 
 Missing = Literal["refuse", "keep"]
@@ -327,8 +327,8 @@ def _all_columns(
     else:
         return columns
     taken = {*but, time.column.name if time.column is not None else ""} - {""}
-    taken = header_names(taken, names)  # a column may be named by its number
-    rest = [name for name in names if name not in taken]
+    places = column_places(taken, names)
+    rest = [name for place, name in enumerate(names) if place not in places]
     if len(rest) > MOST_CHANNELS or not rest:
         raise BadTable(
             f"between 1 and {MOST_CHANNELS:,} channels in {path}", f"{len(rest):,}",

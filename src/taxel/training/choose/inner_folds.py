@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.labels.trials import TIME, USUAL_GROUPS, Trial, group_value
+from taxel.labels.trials import TIME, USUAL_GROUPS, Trial, as_numbers, group_value
 
 FOLDS = 5
 """Inner folds of successive trials. Source: our choice, 0039."""
@@ -113,7 +113,7 @@ def _later(
 ) -> bool:
     """Return whether in each class on both sides a group's test values are the larger numbers."""
     try:
-        values = np.array([float(group_value(trial, key) or "nan") for trial in trials])
+        values = as_numbers(group_value(trial, key) or "nan" for trial in trials)
     except ValueError:
         return False
     learned, tested = np.asarray(train, np.intp), np.asarray(test, np.intp)
@@ -152,8 +152,8 @@ def inner_folds(
         )  # fmt: skip
     if held.key is not None:
         if held.ordered:  # what lacks the number comes last
-            numbers = [float(group_value(trials[i], held.key) or "nan") for i in own]
-            return _by_later(np.array(numbers), y[own])
+            numbers = as_numbers(group_value(trials[i], held.key) or "nan" for i in own)
+            return _by_later(numbers, y[own])
         fold = _by_groups(_values([trials[i] for i in own], held.key), y[own])
         if fold is not None:
             return fold

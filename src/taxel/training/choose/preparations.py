@@ -23,7 +23,7 @@ from taxel.sim.teng.constants import SENSORS
 from taxel.windows.config import GATE_V, WindowConfig
 from taxel.windows.dataset import Dataset, load_dataset
 from taxel.windows.joining import TEST_PREFIX, join_datasets
-from taxel.windows.rates import with_common_grid
+from taxel.windows.rates import PAUSE_ROWS, with_common_grid
 
 SHORT = 800
 """Rows up to which a whole trial is the only window: a touch, not a session. Source: our choice,
@@ -48,8 +48,6 @@ the rows of the short ones. Source: as above."""
 INSIDE, LEAST_MARKED = 0.8, 20
 """Share of a marked trial that a window takes, so that live one always lies inside; and rows of a
 trial below which it is one window as a whole. Source: as above."""
-PAUSE_ROWS = 10
-"""Lost rows after which a new stretch begins. Source: as above."""
 _TENG_GATES = ((0.6, 60), (GATE_V, 60), (GATE_V, 12))
 """Gate in volts and rows of the recipes teng-robust and teng: first what leaves hardly a touch
 without a window (`docs/decisions/0039`)."""
@@ -82,7 +80,8 @@ class Base:
     @property
     def alone(self) -> bool:
         """Return whether each trial is a recording of its own; else marks part recordings."""
-        return len({trial.recording for trial in self.trials}) == len(self.trials)
+        own = [self.trials[i] for i in self.own]
+        return len({trial.recording for trial in own}) == len(own)
 
     @property
     def own(self) -> list[int]:
@@ -191,11 +190,14 @@ def _constant(dataset: Dataset) -> tuple[str, ...]:
 
 
 def candidate_windows(base: Base) -> list[WindowConfig]:
-    """Return the ways to cut that are tried, the most natural first."""
-    sensor, rows = base.dataset.sensor, base.rows
+    """Return the ways to cut that are tried, the most natural first, by the trials that are learned
+    from; whether shorter ones are padded, by all.
+    """
+    sensor, rows = base.dataset.sensor, base.rows[base.own]
+    rate_hz = base.dataset.config.grid_hz or sensor.rate_hz
     plain = replace(
         base.dataset.config,
-        max_gap_s=max(base.dataset.config.max_gap_s, PAUSE_ROWS / max(sensor.rate_hz, 1e-6)),
+        max_gap_s=max(base.dataset.config.max_gap_s, PAUSE_ROWS / max(rate_hz, 1e-6)),
     )
     if sensor.channels == SENSORS and set(sensor.units) == {"V"}:
         return [replace(plain, steps=steps, stride=steps, gate=gate, grid_hz=100.0, max_gap_s=0.8)
@@ -203,7 +205,7 @@ def candidate_windows(base: Base) -> list[WindowConfig]:
     longest = int(rows.max())
     alone = base.alone
     if longest <= SHORT and alone:
-        return [_window(plain, longest, pad=bool((rows < longest).any()))]
+        return [_window(plain, longest, pad=bool((base.rows < longest).any()))]
     if longest == 1:
         return [plain]
     shortest = int(np.percentile(rows, 5))
@@ -211,11 +213,11 @@ def candidate_windows(base: Base) -> list[WindowConfig]:
         return _within_marks(plain, longest, shortest)
     lengths = [n for n in LENGTHS if n <= longest]
     lengths = lengths or [max(1, shortest)]
-    found = [_window(plain, n, pad=bool(n > rows.min())) for n in reversed(lengths)]
+    found = [_window(plain, n, pad=bool(n > base.rows.min())) for n in reversed(lengths)]
     whole = longest * len(base.trials) * len(sensor.channels)
     brief = longest <= SHORT_S * sensor.rate_hz
     if longest <= (MOST_FAST_ROWS if brief else MOST_ROWS) and whole <= MOST_VALUES:
-        found.insert(0, _window(plain, longest, pad=bool((rows < longest).any())))
+        found.insert(0, _window(plain, longest, pad=bool((base.rows < longest).any())))
     return found
 
 
@@ -286,11 +288,16 @@ def prepare(base: Base, config: WindowConfig, span: int) -> Prepared:
     if config.steps > OVERLAP and _many(base, config) <= FEW:
         stride = max(1, config.stride // OVERLAP)
     if not base.alone and config.gate is None:  # a window must fit between two marks
-        stride = min(stride, max(1, int(np.percentile(base.rows, 5)) - config.steps + 1))
+        shortest = int(np.percentile(base.rows[base.own], 5))
+        stride = min(stride, max(1, shortest - config.steps + 1))
     dataset = load_dataset(base.path, replace(config, stride=stride), target=base.target)
     if base.test is not None:
         dataset = join_datasets(dataset, base.test, base.target)
     places = {(trial.recording, trial.start_s): index for index, trial in enumerate(base.trials)}
+    # A trial without a row in which every channel has a value is none of the base's.
+    known = [i for i, t in enumerate(dataset.trials) if (t.recording, t.start_s) in places]
+    if len(known) < len(dataset.trials):
+        dataset = dataset.only_trials(known)
     own = np.array([places[trial.recording, trial.start_s] for trial in dataset.trials], np.intp)
     trial = own[dataset.trial]
     order = _place_in_trial(trial)
@@ -330,7 +337,7 @@ def prepare_all(base: Base) -> list[Prepared]:
 
 
 def _many(base: Base, config: WindowConfig) -> int:
-    return int(np.maximum(base.rows // config.steps, 1).sum())
+    return int(np.maximum(base.rows[base.own] // config.steps, 1).sum())
 
 
 def _place_in_trial(trial: NDArray[np.intp]) -> NDArray[np.intp]:
