@@ -211,6 +211,8 @@ def test_a_trial_in_no_row_of_which_every_channel_has_a_value_stops_nothing(tmp_
     options = ImportOptions(missing="keep")
     import_table(folder / "table.csv", folder / "set", options=options)
 
-    (prepared,) = prepare_all(load_base(folder / "set", "kind"))
+    base = load_base(folder / "set", "kind")
+    (prepared,) = prepare_all(base)
 
     assert len(set(prepared.trial)) == 9
+    assert "1 of 10 trials are left out, such as 3" in " ".join(base.notes)

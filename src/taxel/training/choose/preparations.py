@@ -21,7 +21,7 @@ from taxel.labels.trials import Trial
 from taxel.models.touch_features import compute_features, pads_of
 from taxel.sim.teng.constants import SENSORS
 from taxel.windows.config import GATE_V, WindowConfig
-from taxel.windows.dataset import Dataset, load_dataset
+from taxel.windows.dataset import Dataset, load_dataset, with_joined_label
 from taxel.windows.joining import TEST_PREFIX, join_datasets
 from taxel.windows.rates import PAUSE_ROWS, with_common_grid
 
@@ -159,9 +159,12 @@ def load_base(
     if test is not None:
         dataset = join_datasets(own, test, target)
     rows = np.bincount(dataset.trial, minlength=len(dataset.trials)).astype(np.intp)
+    notes = _constant(dataset)
     if own.missing or config.grid_hz is not None:  # on a grid, rows may be too old as well
-        rows[: len(own.trials)] = _all_rows(load_dataset(path, config, unusable=True), own)
-    return Base(path, dataset, target, rows, test, notes=_constant(dataset))
+        whole = load_dataset(path, config, unusable=True)
+        rows[: len(own.trials)] = _all_rows(whole, own)
+        notes += _without_a_row(whole, own, target)
+    return Base(path, dataset, target, rows, test, notes=notes)
 
 
 def _all_rows(whole: Dataset, usable: Dataset) -> NDArray[np.intp]:
@@ -169,6 +172,20 @@ def _all_rows(whole: Dataset, usable: Dataset) -> NDArray[np.intp]:
     counts = np.bincount(whole.trial, minlength=len(whole.trials))
     known = {(trial.recording, trial.start_s): counts[i] for i, trial in enumerate(whole.trials)}
     return np.array([known[trial.recording, trial.start_s] for trial in usable.trials], np.intp)
+
+
+def _without_a_row(whole: Dataset, usable: Dataset, target: str) -> tuple[str, ...]:
+    """Return what must be said of trials that are left out, as no scan of theirs is usable."""
+    known = {(trial.recording, trial.start_s) for trial in usable.trials}
+    labelled = [with_joined_label(trial, target) for trial in whole.trials]
+    lost = [own for own in labelled
+            if target in own.labels and (own.recording, own.start_s) not in known]  # fmt: skip
+    if not lost:
+        return ()
+    return (
+        f"{len(lost)} of {len(known) + len(lost)} trials are left out, such as "
+        f"{lost[0].groups['trial']}: in none of their rows has every channel a fresh value",
+    )
 
 
 def _constant(dataset: Dataset) -> tuple[str, ...]:
