@@ -104,6 +104,7 @@ ANSWERS: dict[str, Any] = {
     "kind_of": lambda path: "array" if str(path).endswith(".taxel") else None,
     "is_trial_bundle": lambda path: "trial" in str(path).rpartition("/")[2],
     "are_camera_trials": lambda path: "trial" in str(path).rpartition("/")[2],
+    "read_camera_trials": lambda _: [],
     "named_path": lambda path: path,
     "check_page": lambda _: False,
     "list_recordings": lambda path: (

@@ -80,6 +80,7 @@ def write_trials(
     shorter: int = 0,
     write: Write = as_avi,
     test_objects: int = 0,
+    first: int = 0,
 ) -> Path:
     """Write trials and the table of them; return the table.
 
@@ -92,6 +93,7 @@ def write_trials(
         shorter: By how many frames one that slips is shorter.
         write: How a camera's images are kept.
         test_objects: So many of them stand on the side "test" of a column split.
+        first: Seed of the first trial's images, in hundreds.
     """
     folder.mkdir(parents=True, exist_ok=True)
     names = ["left", "right"][:cameras] if cameras > 1 else ["camera:wrist"]
@@ -102,7 +104,10 @@ def write_trials(
         cells = []
         for camera in range(cameras):
             images = trial_images(
-                slips, frames - (shorter if slips else 0), 100 * number + camera, 90 + 6 * thing
+                slips,
+                frames - (shorter if slips else 0),
+                100 * (first + number) + camera,
+                90 + 6 * thing,
             )
             cells.append(write(folder / f"t{number}c{camera}", images))
         cells += [str(int(slips)), f"object {thing}"]

@@ -64,7 +64,7 @@ def test_test_trials_of_their_own_without_a_class_give_a_run_and_a_report(
     monkeypatch.setattr(blending, "TREES", 12)
     monkeypatch.setattr(blending, "INNER_TREES", 6)
     table = write_trials(tmp_path / "a", objects=3, each=4, frames=10)
-    others = write_trials(tmp_path / "b", objects=2, each=1, frames=10)
+    others = write_trials(tmp_path / "b", objects=2, each=1, frames=10, first=50)
     options = TrialOptions(test=others, cache=tmp_path / "cache")
     TrainTrials(trials=table, output=tmp_path / "run", options=options).run()
     capsys.readouterr()
