@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taxel.errors import BadSplit
 from taxel.evaluation.expert import learned_windows
 from taxel.evaluation.outer_split import OuterSplit
 from taxel.evaluation.splits import TrialFold
@@ -162,14 +163,14 @@ def test_what_is_tested_only_is_no_part_of_what_a_bundle_knows_of_training(tmp_p
     assert alone.still[1] == 0.0
 
 
-def array_files(folder: Path, lengths: list[int]) -> Path:
-    """Import a trial of two classes in turn for each length; return where to."""
+def array_files(folder: Path, lengths: list[int], classes: str = "xy") -> Path:
+    """Import a trial for each length, its class in turn; return where to."""
     folder.mkdir()
     rng = np.random.default_rng(len(lengths))
     lines = ["file,label:kind,channels,time"]
     for n, rows in enumerate(lengths):
         np.savetxt(folder / f"{n}.csv", rng.normal(size=(rows, 2)), delimiter=",")
-        lines.append(f"{n}.csv,{'xy'[n % 2]},1[N] 2[N],rate:50Hz")
+        lines.append(f"{n}.csv,{classes[n % len(classes)]},1[N] 2[N],rate:50Hz")
     (folder / "table.csv").write_text("\n".join(lines) + "\n")
     import_table(folder / "table.csv", folder / "set")
     return folder / "set"
@@ -184,6 +185,15 @@ def test_trials_that_are_only_tested_do_not_make_windows_longer(tmp_path: Path):
     (window,) = candidate_windows(load_base(train, "kind", test=test))
 
     assert (window.steps, window.pad) == (alone.steps, alone.pad) == (60, False)
+
+
+def test_a_class_that_is_only_tested_is_refused(tmp_path: Path):
+    """The saved model claimed it, though it had never seen it."""
+    train = array_files(tmp_path / "train", [60] * 8)
+    test = array_files(tmp_path / "test", [60] * 6, classes="xyz")
+
+    with pytest.raises(BadSplit, match=r"every tested class of 'kind'.*none of z"):
+        OuterSplit().of(load_base(train, "kind", test=test))
 
 
 def test_shorter_trials_that_are_only_tested_are_padded(tmp_path: Path):
