@@ -84,6 +84,7 @@ LINES: dict[str, tuple[str, ...]] = {
     ),
     "train-backbone": (
         "train-backbone d --backbone edge --output w.safetensors",
+        "train-backbone d --backbone edge --output w.safetensors --head lstm transformer",
         "train-backbone d --backbone edge --output w.safetensors --paper-settings",
     ),
     "distil": ("distil d --backbone densenet121 --output w.safetensors",),

@@ -70,7 +70,7 @@ def learnt_head(folder: Path, cache: Path) -> TrainedHead:
 def network(head: TrainedHead) -> EndToEnd:
     module = find_backbone(EDGE).build("logits")
     find_weights(EDGE).load_into(module)
-    return EndToEnd(module, EDGE, head).eval()
+    return EndToEnd(module, EDGE, [head]).eval()
 
 
 @pytest.mark.slow
@@ -89,7 +89,7 @@ def test_training_lowers_the_loss_and_leaves_normalisation_as_it_was(
     changed = {name for name, value in tuned.state_dict().items()
                if not torch.equal(value, before[name])}  # fmt: skip
     assert any(name.startswith("features.backbone") for name in changed)
-    assert any(name.startswith("head") for name in changed)
+    assert any(name.startswith("heads") for name in changed)
     assert not [name for name in changed if "running" in name or name in ("offset", "factor")]
 
 
@@ -104,7 +104,7 @@ def test_each_window_of_a_stretch_gives_what_cached_features_give(
     batch = next(lanes.batches(CONFIG, 0, [0]))
     (features,) = extract([pour], open_backbone(EDGE), cache)
     with torch.inference_mode():
-        found = network(head)(batch.images, batch.frames, batch.rest)[0].sigmoid().numpy()
+        found = network(head)(batch.images, batch.frames, batch.rest)[0][0, 0].sigmoid().numpy()
     cached = head.probabilities(features.all())[start : start + WINDOWS]
     assert found.shape == (WINDOWS,)
     assert np.abs(found - cached).max() < 0.1
@@ -291,7 +291,7 @@ def test_a_loss_that_is_no_number_ends_the_training_and_writes_nothing(
     pours = load_camera_set(few_pours, "change", cache)
     lost = network(learnt_head(few_pours, cache))
     with torch.no_grad():
-        next(lost.head.parameters()).fill_(float("nan"))
+        next(lost.heads.parameters()).fill_(float("nan"))
     kept = KeptEpochs(tmp_path / "edge.checkpoint")
     with pytest.raises(
         BadInput, match="nan in step 1; try a smaller --learning-rate, without --resume"
@@ -377,6 +377,7 @@ def test_two_processes_killed_and_started_again_learn_as_one_does(
         "--backbone gel --epochs 1 --output out.safetensors",
         "--backbone edge --epochs -1 --output out.safetensors",
         "--backbone edge --epochs 1 --output out.taxel",
+        "--backbone edge --epochs 1 --output out.safetensors --head",
         "--backbone edge --batch 0 --output out.safetensors",
         "--backbone edge --learning-rate 0 --output out.safetensors",
         "--backbone edge --learning-rate nan --output out.safetensors",

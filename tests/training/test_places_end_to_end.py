@@ -37,9 +37,9 @@ def test_end_to_end_compares_places_as_cached_features_are() -> None:
     head = fit_head(recordings, HeadConfig(frames=K, epochs=1, tare="local-size"))
     images = torch.from_numpy(chance.integers(0, 256, (10, 24, 32, 3), np.uint8))
     frames, rest = torch.arange(8).reshape(1, 4, 2), torch.tensor([[[8, 9], [0, 1], [8, 9]]])
-    module = EndToEnd(_Quarters(), "edge", head).eval()
+    module = EndToEnd(_Quarters(), "edge", [head]).eval()
     with torch.inference_mode():
-        found = module(images, frames, rest)[0].sigmoid().numpy()
+        found = module(images, frames, rest)[0][0, 0].sigmoid().numpy()
         places = module.features(images).numpy()
     still = np.median(places[rest[0].numpy()], axis=0)
     scaled = (compared(places[frames[0].numpy()], still) - head.offset) * head.factor

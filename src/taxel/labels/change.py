@@ -187,6 +187,22 @@ def thresholds(
     return np.asarray(middle + np.maximum(config.sigmas * sigma, config.least_change))
 
 
+def excess_of(
+    signal: NDArray[np.float64], rate_hz: float, config: ChangeConfig | None = None
+) -> NDArray[np.float64]:
+    """Return each camera's change over its threshold, shape (n, cameras): unstable above 1.
+
+    Args:
+        signal: Shape (n,) or (n, cameras), per cent of the brightness.
+        rate_hz: Frames a second.
+        config: When a change counts.
+
+    Raises:
+        BadInput: The signal is shorter than the settled stretch, or not finite.
+    """
+    return np.asarray(_columns(signal) / thresholds(signal, rate_hz, config))
+
+
 def label_change(
     signal: NDArray[np.float64], rate_hz: float, config: ChangeConfig | None = None
 ) -> NDArray[np.int8]:
@@ -203,7 +219,7 @@ def label_change(
         BadInput: The signal is shorter than the settled stretch, or not finite.
     """
     config = config or ChangeConfig()
-    excess = (_columns(signal) / thresholds(signal, rate_hz, config)).max(axis=1)
+    excess = excess_of(signal, rate_hz, config).max(axis=1)
     above = _hysteresis(excess, 1.0, config.clear_share)
     above[: config.settled(rate_hz).stop] = False
     return debounced(above, round(config.debounce_s * rate_hz)).astype(np.int8)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import tyro
 
@@ -26,19 +26,25 @@ from taxel.cli.printing import command, print_json, progress, say
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from taxel.evaluation.transitions.data import CameraSet
     from taxel.models.published.about import About
     from taxel.models.weights import Weights
     from taxel.training.backbones.fine_tuning import FineTuned
+    from taxel.windows.rest import Tare
 
 _MOST_EPOCHS, _MOST_BATCH = 1000, 1000
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainBackbone:
-    """Train a backbone end to end, with a head behind it, on recordings of tactile cameras.
+    """Train a backbone end to end, with heads behind it, on recordings of tactile cameras.
 
-    Runs on any device, and under torchrun on several. The head is first fitted on the backbone's
-    features as they are.
+    Runs on any device, and under torchrun on several. Heads are first fitted on the backbone's
+    features as they are. With the rule change, the backbone also learns how far each image is from
+    that rule's threshold.
     """
 
     data: tyro.conf.Positional[Path]
@@ -62,7 +68,10 @@ class TrainBackbone:
     json: bool = False
     """Print JSON."""
     labels: Annotated[LabelOptions, tyro.conf.arg(name="")] = field(default_factory=LabelOptions)
-    head: Annotated[HeadOptions, tyro.conf.arg(name="")] = field(default_factory=HeadOptions)
+    head: tuple[Literal["lstm", "lstm2", "lstm4", "transformer"], ...] = ("lstm", "transformer")
+    """Networks over the frames of a window, whose losses the backbone lowers together."""
+    frames: int = 8
+    """Frames in a window, k."""
     fit: Annotated[FitOptions, tyro.conf.arg(name="")] = field(default_factory=FitOptions)
     weights: Annotated[WeightOptions, tyro.conf.arg(name="")] = field(default_factory=WeightOptions)
     work: Annotated[WorkOptions, tyro.conf.arg(name="")] = field(default_factory=WorkOptions)
@@ -82,17 +91,21 @@ class TrainBackbone:
         from taxel.training.frames.extractors import BackboneExtractor
 
         self._check()
-        config = head_config(self.labels.rule, self.fit, self.head, features=self.backbone)
+        configs = [
+            head_config(self.labels.rule, self.fit, HeadOptions(head=head, frames=self.frames),
+                        features=self.backbone)
+            for head in self.head
+        ]  # fmt: skip
+        tare = configs[0].tare
         checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
         with self.work.open(), progress() as bar:
             pours = load_set(self.labels, self.data, bar)
-            extractor = open_features(
-                self.backbone, pours, self.weights, self._engine(), config.tare
-            )
+            extractor = open_features(self.backbone, pours, self.weights, self._engine(), tare)
             assert isinstance(extractor, BackboneExtractor)
             first = pours.some(HEAD_RECORDINGS)
             features = extract_features(extractor, self.backbone, first, self.labels.folder(), bar)
-            network = begin_end_to_end(extractor, features, first.labels, config)
+            network = begin_end_to_end(extractor, features, first.labels, configs,
+                                       self._excess(first, tare))  # fmt: skip
             start = extractor.weights
             del extractor  # and what it holds of a card's memory
             task = bar.add_task("end to end", total=None)
@@ -102,6 +115,7 @@ class TrainBackbone:
                                learning_rate=self.learning_rate,
                                precision="bf16-mixed" if self.bf16 else "32-true",
                                kept=KeptEpochs(checkpoint, self.resume)),
+                excess=self._excess(pours, tare),
                 on_step=lambda step, of, loss: bar.update(
                     task, description=f"end to end, loss {loss:.3f}", completed=step, total=of
                 ),
@@ -112,6 +126,15 @@ class TrainBackbone:
         save_backbone_weights(network.features.backbone, self.output, about.head())
         checkpoint.unlink(missing_ok=True)
         self._print(done)
+
+    def _excess(self, pours: CameraSet, tare: Tare) -> list[NDArray[np.float32]] | None:
+        """Return each frame's change over its threshold; None where labels are not made by it."""
+        from taxel.labels.rules import rule_named
+        from taxel.training.frames.labels import frame_excess
+
+        if rule_named(self.labels.rule).needs != "images" or tare not in ("size", "local-size"):
+            return None
+        return frame_excess(pours.pours, pours.signals)
 
     def _engine(self) -> EngineOptions:
         """Return what computes the features that the head is first fitted on."""
@@ -125,6 +148,8 @@ class TrainBackbone:
         """Refuse, before anything is read, what cannot be meant."""
         if self.backbone == GEL:
             raise BadInput("a backbone to train end to end", GEL, "name one, such as edge")
+        if not self.head:
+            raise BadInput("a --head", "none", "name one or more, such as lstm transformer")
         for name, most in {"epochs": _MOST_EPOCHS, "batch": _MOST_BATCH}.items():
             if not 1 <= getattr(self, name) <= most:
                 raise BadInput(
@@ -144,8 +169,8 @@ class TrainBackbone:
 
         return About(
             origin="taxel train-backbone",
-            trained=f"end to end, {self.epochs} epochs, {recordings} recordings, rule "
-            f"{self.labels.rule}, from {start.words}",
+            trained=f"end to end with {' and '.join(self.head)}, {self.epochs} epochs, "
+            f"{recordings} recordings, rule {self.labels.rule}, from {start.words}",
             side_px=str(start.side_px or ""),
         )
 

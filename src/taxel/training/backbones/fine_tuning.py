@@ -1,8 +1,8 @@
-"""Train a backbone and its head together, from the cameras' images: any device, or several.
+"""Train a backbone and heads together, from the cameras' images: any device, or several.
 
 Start it under `torchrun` for several processes; Fabric finds them, and each decodes its own part of
-the recordings. A checkpoint after each epoch lets a run that was killed go on. The head only
-shapes the backbone here: train one on the new backbone's cached features afterwards, as always.
+the recordings. A checkpoint after each epoch lets a run that was killed go on. Heads only
+shape the backbone here: train one on the new backbone's cached features afterwards, as always.
 Knows nothing about files of weights, splits or tables.
 """
 
@@ -28,7 +28,7 @@ from taxel.models.torch_engine import enough_memory
 from taxel.training.backbones.lanes import LANES, Lanes, lane_count, prepared, varied
 from taxel.training.backbones.pace import check_gradient, pace
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
-from taxel.training.frames.heads import HeadConfig, TrainedHead, fit_head, tracks_of
+from taxel.training.frames.heads import HeadConfig, Track, TrainedHead, fit_head, tracks_of
 from taxel.windows.camera_recordings import CameraRecording
 
 if TYPE_CHECKING:
@@ -41,6 +41,14 @@ HEAD_RECORDINGS, HEAD_EPOCHS = 48, 4
 our choice, docs/decisions/0057."""
 _MOST_GRADIENT = 1.0
 """Length that a step's gradient is cut to. Source: our choice, docs/decisions/0057."""
+_FAR = 2.0
+"""Change over its threshold above which it does not matter how far. Source: our choice,
+docs/decisions/0057."""
+_GAUGE_KNEE = 0.1
+"""Errors of the change over its threshold count by their square below this, by their size above.
+Source: our choice, docs/decisions/0057."""
+_RIDGE = 0.1
+"""Of the gauge's closed form, times the mean square of a feature. Source: our choice."""
 _CARD_LANES, _CARD_MULTIPLE = 16, 64
 """Where a graphics card trains: lanes, so recordings whose stretches are mixed, and what the number
 of images in a step is a multiple of. Source: our choice, docs/decisions/0057."""
@@ -100,30 +108,42 @@ class FineTuned:
 
 
 class EndToEnd(nn.Module):
-    """Stretches of frames, and the grasp at rest → logit of "unstable" of each window.
+    """Stretches of frames, and the grasp at rest → logits of "unstable" by head and window.
+
+    A linear layer, the gauge, reads each frame's change over its threshold off the same features.
 
     Args:
         backbone: What `BACKBONES[name].build` made, with its weights.
         name: Its name there.
-        head: Trained on this backbone's features, with their scaling; where it takes "local-size",
-            the backbone gives places.
+        heads: Trained on the same features of this backbone, so that they share their scaling;
+            where they take "local-size", the backbone gives places.
         side_px: Height and width of its images, pixels; the backbone's own unless given.
     """
 
     def __init__(
-        self, backbone: nn.Module, name: str, head: TrainedHead, side_px: int | None = None
+        self,
+        backbone: nn.Module,
+        name: str,
+        heads: Sequence[TrainedHead],
+        side_px: int | None = None,
     ) -> None:
         super().__init__()
         self.features = FrameFeatures(backbone, name, side_px)
-        self.head = head.module
-        self.tare, self.frames = head.config.tare, head.config.frames
+        self.heads = nn.ModuleList([head.module for head in heads])
+        first = heads[0]
+        self.tare, self.frames = first.config.tare, first.config.frames
         self.offset: Tensor
         self.factor: Tensor
-        self.register_buffer("offset", torch.from_numpy(head.offset))
-        self.register_buffer("factor", torch.from_numpy(head.factor))
+        self.register_buffer("offset", torch.from_numpy(first.offset))
+        self.register_buffer("factor", torch.from_numpy(first.factor))
+        self.gauge = nn.Linear(first.offset.shape[-1], 1)
+        nn.init.zeros_(self.gauge.weight)
+        nn.init.ones_(self.gauge.bias)
 
-    def forward(self, images: Tensor, frames: Tensor, rest: Tensor) -> Tensor:
-        """Return the logits of all windows of each stretch, shape (n, s − k + 1).
+    def forward(self, images: Tensor, frames: Tensor, rest: Tensor) -> tuple[Tensor, Tensor]:
+        """Return logits of windows, (heads, n, s − k + 1), and frames' change, (n, s, cameras).
+
+        The latter is that over its threshold, as the gauge reads it.
 
         Args:
             images: Shape (m, h, w, 3), uint8.
@@ -139,8 +159,9 @@ class EndToEnd(nn.Module):
             seen = seen.mean(dim=-2)
         scaled = (seen - self.offset) * self.factor
         windows = scaled.flatten(2).unfold(1, self.frames, 1).transpose(2, 3)
-        logits: Tensor = self.head(windows.flatten(0, 1)).unflatten(0, windows.shape[:2])
-        return logits
+        flat, shape = windows.flatten(0, 1), windows.shape[:2]
+        logits = torch.stack([head(flat).unflatten(0, shape) for head in self.heads])
+        return logits, self.gauge(scaled).squeeze(-1)
 
     def train(self, mode: bool = True) -> EndToEnd:
         """Set the mode; normalisation keeps its statistics: batches here are too small for new."""
@@ -155,21 +176,50 @@ def begin_end_to_end(
     extractor: BackboneExtractor,
     features: Sequence[KeptFeatures],
     labels: Sequence[NDArray[np.int8]],
-    config: HeadConfig,
+    configs: Sequence[HeadConfig],
+    excess: Sequence[NDArray[np.float32]] | None = None,
 ) -> EndToEnd:
-    """Return a backbone with its weights and a head behind it, fitted on its features as they are.
+    """Return a backbone with its weights and heads behind it, fitted on its features as they are.
 
     Args:
         extractor: The backbone.
         features: Of each recording, by this extractor.
         labels: Of each recording's frames, shape (n,).
-        config: How heads are fitted; this one in `HEAD_EPOCHS` at most, as it goes on learning.
+        configs: How each head is fitted; in `HEAD_EPOCHS` at most, as it goes on learning. They
+            differ in their network alone.
+        excess: Of each recording's frames, shape (n, cameras): change over its threshold, which the
+            gauge is fitted to.
     """
-    epochs = min(config.epochs, HEAD_EPOCHS)
-    head = fit_head(tracks_of(features, labels), replace(config, epochs=epochs))
+    tracks = tracks_of(features, labels)
+    heads = [
+        fit_head(tracks, replace(config, epochs=min(config.epochs, HEAD_EPOCHS)))
+        for config in configs
+    ]
     module = find_backbone(extractor.backbone).build("places" if extractor.places else "logits")
     extractor.weights.load_into(module)
-    return EndToEnd(module, extractor.backbone, head, extractor.weights.side_px)
+    network = EndToEnd(module, extractor.backbone, heads, extractor.weights.side_px)
+    if excess is not None:
+        _fit_gauge(network.gauge, heads[0], tracks, excess)
+    return network
+
+
+def _fit_gauge(
+    gauge: nn.Linear, head: TrainedHead, tracks: Sequence[Track],
+    excess: Sequence[NDArray[np.float32]],
+) -> None:  # fmt: skip
+    """Fit the gauge by least squares, its weights held small (ridge)."""
+    some = slice(None, None, head.config.stride)
+    rows = np.concatenate([head.scale(track.features())[some] for track in tracks])
+    wanted = np.concatenate([np.minimum(each[some], _FAR) for each in excess]).ravel()
+    rows = rows.reshape(len(wanted), -1).astype(np.float64)
+    middle, mean = rows.mean(axis=0), wanted.mean()
+    rows -= middle
+    gram = rows.T @ rows
+    gram[np.diag_indices_from(gram)] += _RIDGE * gram.diagonal().mean()
+    weights = np.linalg.solve(gram, rows.T @ (wanted - mean))
+    with torch.no_grad():
+        gauge.weight.copy_(torch.from_numpy(weights)[None])
+        gauge.bias.fill_(float(mean - middle @ weights))
 
 
 @enough_memory()
@@ -179,6 +229,7 @@ def fine_tune(
     labels: Sequence[NDArray[np.int8]],
     config: FineTuneConfig,
     *,
+    excess: Sequence[NDArray[np.float32]] | None = None,
     on_step: Callable[[int, int, float], None] = lambda _step, _of, _loss: None,
 ) -> FineTuned:
     """Train a network in place.
@@ -188,6 +239,8 @@ def fine_tune(
         pours: Recordings to learn from.
         labels: One a frame, shape (n,): 0 stable, 1 unstable.
         config: How to train.
+        excess: Of each recording's frames, shape (n, cameras): change over its threshold; the
+            gauge's error is then part of the loss.
         on_step: Called with the step's number, how many there are and its loss.
 
     Raises:
@@ -198,6 +251,7 @@ def fine_tune(
             shared out equally, a gradient is no longer a number, or the card has too little memory.
     """
     fabric = _launched(config)
+    network.gauge.requires_grad_(excess is not None)
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     adam = torch.optim.Adam(
         [parameter for parameter in network.parameters() if parameter.requires_grad],
@@ -207,7 +261,7 @@ def fine_tune(
     on_card = fabric.device.type != "cpu"
     count = lane_count(config.batch, fabric.world_size, _CARD_LANES if on_card else LANES)
     decoders, multiple = (os.cpu_count() or 1, _CARD_MULTIPLE) if on_card else (1, 1)
-    lanes = Lanes(pours, labels, network.frames, count, decoders, multiple)
+    lanes = Lanes(pours, labels, network.frames, count, decoders, multiple, excess)
     mine = range(fabric.global_rank, lanes.count, fabric.world_size)
     job = lanes.digest()
     history: list[EpochLoss] = []
@@ -226,10 +280,11 @@ def fine_tune(
                 group["lr"] = config.learning_rate * pace(done - 1, config.epochs * steps)
             here = batch.to(fabric.device)
             here = varied(here) if config.varied else here
-            logits = model(here.images, here.frames, here.rest)
-            loss = functional.binary_cross_entropy_with_logits(logits.float(), here.labels)
+            logits, read = model(here.images, here.frames, here.rest)
+            wanted = here.labels.expand_as(logits)
+            loss = functional.binary_cross_entropy_with_logits(logits.float(), wanted)
             optimiser.zero_grad(set_to_none=True)
-            fabric.backward(loss)
+            fabric.backward(loss if excess is None else loss + _misread(read, here.excess))
             length = fabric.clip_gradients(
                 model, optimiser, max_norm=_MOST_GRADIENT, error_if_nonfinite=False
             )
@@ -249,6 +304,12 @@ def fine_tune(
         tuple(epoch.loss for epoch in history), fabric.is_global_zero, str(fabric.device),
         fabric.world_size,
     )  # fmt: skip
+
+
+def _misread(read: Tensor, excess: Tensor) -> Tensor:
+    """Return the gauge's mean error; above `_FAR` it need only say so."""
+    error = torch.where(excess < _FAR, read - excess, (_FAR - read).clamp(min=0.0))
+    return functional.smooth_l1_loss(error, torch.zeros_like(error), beta=_GAUGE_KNEE)
 
 
 def _launched(config: FineTuneConfig) -> Any:

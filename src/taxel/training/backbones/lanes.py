@@ -65,13 +65,15 @@ class Batch:
     """Shape (n,): which of `VARIANTS` each stretch may be shown as."""
     labels: Tensor
     """Shape (n, s − k + 1): of each window, 0 or 1."""
+    excess: Tensor
+    """Shape (n, s, cameras): each frame's change over its threshold; NaN where it is not known."""
 
     def to(self, device: torch.device) -> Batch:
         """Return the same on a device."""
         return Batch(*(getattr(self, name).to(device, non_blocking=True) for name in _FIELDS))
 
 
-_FIELDS = ("images", "stretch", "frames", "rest", "variant", "labels")
+_FIELDS = ("images", "stretch", "frames", "rest", "variant", "labels", "excess")
 VARIANTS = tuple(product((False, True), (False, True), permutations(range(3))))
 """Turned upside down, mirrored, and the order of the colours: 24 ways to show an image."""
 
@@ -97,6 +99,7 @@ class _Stretch:
     rest: NDArray[np.intp]
     variant: int
     labels: NDArray[np.int8]
+    excess: NDArray[np.float32]
 
 
 def lane_count(batch: int, processes: int, most: int) -> int:
@@ -130,6 +133,7 @@ class Lanes:
         decoders: Threads that decode images.
         multiple: Of how many images a step has: for each number that it has not met, a graphics
             card prepares itself anew, for as long as many steps take.
+        excess: Of each recording's frames, shape (n, cameras): change over its threshold.
 
     Raises:
         BadDataset: There are fewer stretches than lanes.
@@ -143,8 +147,10 @@ class Lanes:
         count: int,
         decoders: int = 1,
         multiple: int = 1,
+        excess: Sequence[NDArray[np.float32]] | None = None,
     ) -> None:
         self.multiple = multiple
+        self._excess = excess
         self._pours, self._labels, self._frames, self.count = pours, labels, frames, count
         longest = max(map(len, pours), default=0)
         self._length = min(frames + WINDOWS - 1, longest)
@@ -167,6 +173,8 @@ class Lanes:
         for pour, labels in zip(self._pours, self._labels, strict=True):
             digest.update(pour.digest.encode())
             digest.update(labels.tobytes())
+        for each in self._excess or ():
+            digest.update(each.tobytes())
         return digest.hexdigest()
 
     def batches(self, config: HasBatch, epoch: int, mine: Iterable[int]) -> Iterator[Batch]:
@@ -213,6 +221,7 @@ class Lanes:
             if i != known:
                 files, known = _files(self._pours[i]), i
                 wanted = label_windows(self._labels[i], self._frames)
+                excess = self._excess_of(i)
             end = min(SETTLE.stop, len(self._pours[i]))
             rest = np.linspace(SETTLE.start, end - 1, RESTING).astype(int)
             frames = np.concatenate([np.arange(start, start + self._length), rest])
@@ -224,7 +233,13 @@ class Lanes:
                 rows[self._length :],
                 int(np.random.default_rng((*key, i, start)).integers(len(VARIANTS))),
                 wanted[start : start + self._length - self._frames + 1],
+                excess[start : start + self._length],
             )
+
+    def _excess_of(self, recording: int) -> NDArray[np.float32]:
+        if self._excess is not None:
+            return self._excess[recording].astype(np.float32)
+        return np.full(self._pours[recording].image.shape, np.nan, np.float32)
 
 
 def _files(pour: CameraRecording) -> list[tuple[bytes, CameraInfo]]:
@@ -256,6 +271,7 @@ def _stack(stretches: list[_Stretch], multiple: int) -> Batch:
         torch.from_numpy(np.stack([s.rest + first for s, first in pairs])),
         torch.tensor([each.variant for each in stretches]),
         torch.from_numpy(np.stack([each.labels for each in stretches])).float(),
+        torch.from_numpy(np.stack([each.excess for each in stretches])),
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
-from taxel.labels.change import ChangeConfig, change_signal, label_change
+from taxel.labels.change import ChangeConfig, change_signal, excess_of, label_change
 from taxel.labels.corrections import Correction, apply_correction, read_corrections
 from taxel.labels.rules import rule_named
 from taxel.labels.slip import label_truth
@@ -99,6 +99,16 @@ def rule_labels(pour: CameraRecording, rule: str, signal: NDArray[np.float32]) -
     if rule_named(rule).needs == "images":
         return label_change(signal.astype(np.float64), rate_of(pour))
     return label_truth(truth_of(pour), rule)
+
+
+def frame_excess(
+    pours: Sequence[CameraRecording], signals: Sequence[NDArray[np.float32]]
+) -> list[NDArray[np.float32]]:
+    """Return each pour's change over its threshold, shape (n, cameras): unstable above 1."""
+    return [
+        excess_of(signal.astype(np.float64), rate_of(pour)).astype(np.float32)
+        for pour, signal in zip(pours, signals, strict=True)
+    ]
 
 
 def corrections_of(pour: CameraRecording) -> dict[str, Correction]:
