@@ -124,6 +124,21 @@ def test_moments_between_trials_and_trials_without_a_row_are_noted(tmp_path: Pat
         "6 of 36 trials stand on no side of folds.csv: left out",)  # fmt: skip
 
 
+@pytest.mark.parametrize("why", ["unlabelled", "empty"])
+def test_a_moment_in_a_trial_that_is_left_out_moves_no_neighbour(tmp_path: Path, why: str) -> None:
+    """Less than a millisecond behind a trial's last row, where tables round."""
+    dataset = make_dataset()
+    first = dataset.trials[0]
+    start = first.end_s + 0.0004
+    behind = replace(first, start_s=start, end_s=start + 2.0,
+                     labels={} if why == "unlabelled" else first.labels)  # fmt: skip
+    lines = ("recording,start_s,side", "s0,0,test", "s1,,train", f"s0,{start:.4f},train")
+    (fold,) = split(tmp_path, *lines, dataset=replace(dataset, **{why: (behind,)})).folds
+    assert (fold.train, fold.test) == (set(range(6, 12)), {0})
+    with pytest.raises(BadSplit, match="on two sides"):  # where no other trial is that near
+        split(tmp_path, *lines, dataset=dataset)
+
+
 def test_a_recording_that_gave_no_window_is_no_error(tmp_path: Path) -> None:
     """The table may name recordings that are too short for the window."""
     known = split(tmp_path, *SIDED).folds

@@ -119,7 +119,8 @@ def split_by_table(
         BadSplit: A trial stands on both sides of a fold or is tested twice, or there is nothing
             to train on or to test.
     """
-    owners = [trials_of_row(row, table, dataset.trials, recordings, dataset.unlabelled)
+    left_out = (*dataset.unlabelled, *dataset.empty)
+    owners = [trials_of_row(row, table, dataset.trials, recordings, left_out)
               for row in table.rows]  # fmt: skip
     idle = rows_in_no_trial(table, dataset)
     lacking = {i for i, row in enumerate(table.rows) if _moved(row, dataset.unlabelled)}
@@ -176,7 +177,7 @@ def trials_of_row(
     table: FoldTable,
     trials: Sequence[Trial],
     recordings: Collection[str],
-    unlabelled: Sequence[Trial] = (),
+    left_out: Sequence[Trial] = (),
 ) -> frozenset[int]:
     """Return the trials that a row moves, as indices; none where they gave no window or no label.
 
@@ -185,12 +186,12 @@ def trials_of_row(
         table: It.
         trials: Those that it may move.
         recordings: Names of all recordings that are there.
-        unlabelled: Trials that are there and were left out, as they lack the label.
+        left_out: Trials that are there and lack the label, or gave no window.
 
     Raises:
         BadTable: It names no recording or group that is there.
     """
-    there = (*trials, *unlabelled)
+    there = (*trials, *left_out)
     of_group = any(trial.groups.get(row.key) == row.value for trial in there)
     if not of_group and row.key != "recording":
         known = sorted({trial.groups[row.key] for trial in there if row.key in trial.groups})
@@ -207,7 +208,7 @@ def trials_of_row(
     if not of_group and row.value not in recordings:
         raise BadTable("a recording of the folder", f"{row.value!r} in {table.where(row)}",
                        "correct its name, or leave the row out")  # fmt: skip
-    return _moved(row, trials)
+    return _moved(row, trials, left_out)
 
 
 def rows_in_no_trial(table: FoldTable, dataset: Dataset) -> list[FoldRow]:
@@ -243,19 +244,22 @@ def _some(values: Sequence[str]) -> str:
     return ", ".join(values[:MOST_KNOWN]) + more
 
 
-def _moved(row: FoldRow, trials: Sequence[Trial]) -> frozenset[int]:
-    """Return the trials that a row moves; none where it names nothing that is there."""
-    own = [i for i, trial in enumerate(trials) if trial.groups.get(row.key) == row.value]
-    if row.start_s != row.start_s:
-        return frozenset(own)
-    found = set()
-    for name in {trials[i].recording for i in own}:
-        here = [i for i in own if trials[i].recording == name]
-        spans = [(trials[i].start_s, trials[i].end_s) for i in here]
-        place = span_at(row.start_s, spans, _SLACK_S)
-        if place is not None:
-            found.add(here[place])
-    return frozenset(found)
+def _moved(row: FoldRow, trials: Sequence[Trial], left_out: Sequence[Trial] = ()) -> frozenset[int]:
+    """Return the trials that a row moves; none where it names nothing that is there.
+
+    A moment that lies in a trial that was left out moves no neighbour.
+    """
+    there = (*trials, *left_out)
+    own = [i for i, trial in enumerate(there) if trial.groups.get(row.key) == row.value]
+    if row.start_s == row.start_s:
+        found = []
+        for name in {there[i].recording for i in own}:
+            here = [i for i in own if there[i].recording == name]
+            spans = [(there[i].start_s, there[i].end_s) for i in here]
+            place = span_at(row.start_s, spans, _SLACK_S)
+            found += [] if place is None else [here[place]]
+        own = found
+    return frozenset(i for i in own if i < len(trials))
 
 
 def _all(parts: Iterable[frozenset[int]]) -> frozenset[int]:

@@ -160,6 +160,7 @@ def _serve(pipe: Connection, parent: int) -> None:
     gc.disable()  # the first job brings modules, in which there is nothing to be collected
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # a worker a core: docs/decisions/0002
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what an interrupt ends
     end_with_parent(parent)
     with suppress(EOFError, OSError):  # the parent is gone

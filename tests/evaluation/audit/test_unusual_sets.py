@@ -104,8 +104,7 @@ def with_a_short_trial(folder: Path) -> TouchSet:
 def test_lines_of_trials_that_are_left_out_are_passed_over(tmp_path: Path) -> None:
     """As `train` takes them: the line of a trial of one row, and of one without the label."""
     touch = with_a_short_trial(tmp_path)
-    starts = [*map(float, range(20)), 9.9]
-    lines = [f"a,{start},{'train' if start < 8 else 'test'}" for start in starts]
+    lines = [f"a,{s},{'train' if s < 8 else 'test'}" for s in (*map(float, range(20)), 9.9)]
     table = tmp_path / "folds.csv"
     table.write_text("\n".join(["recording,start_s,side", *lines]) + "\n")
 
@@ -120,6 +119,13 @@ def test_lines_of_trials_that_are_left_out_are_passed_over(tmp_path: Path) -> No
     table.write_text("recording,start_s,side\na,1,train\na,21,test\n")
     with pytest.raises(BadTable, match=r"folds\.csv, line 3, which lies in none"):
         table_sides(touch, table, steps=4)
+    start = float(touch.time_s[18][-1]) + 0.0004  # where tables round: moves no neighbour
+    behind = replace(touch.trials[18], start_s=start, end_s=start + 1.0, labels={})
+    near = f"a,{start:.4f},test"
+    table.write_text(f"recording,start_s,side\na,1,train\na,2,train\na,3,test\n{near}\n")
+    for left_out, moved in (touch.left_out, [1, 2, 3, 18]), ((behind,), [1, 2, 3]):
+        own = replace(touch, left_out=left_out)
+        assert sorted(table_sides(own, table, steps=4)[0].trial) == moved
 
 
 def readings(touch: TouchSet, channels: int = 12, step: float = 0.001) -> TouchSet:

@@ -184,5 +184,6 @@ class TrainBackbone:
             f"{done.processes} process(es); loss {', '.join(f'{loss:.3f}' for loss in done.losses)}"
         )
         further = command("taxel", "train-monitor", self.data, "--features", self.backbone,
-                          "--weights", self.output, "--output", "grasp.taxel")  # fmt: skip
+                          "--weights", self.output, "--head", self.head[-1], "--output",
+                          "grasp.taxel")  # fmt: skip
         say(f"next: {further}")

@@ -173,8 +173,9 @@ def _pieces_of(touch: TouchSet, row: FoldRow, steps: int, table: FoldTable) -> l
     if np.isnan(row.start_s):
         return [(i, 0, len(touch.rows[i]), row.view, row.label_s) for i in own]
     spans = [(min(touch.trials[i].start_s, touch.time_s[i][0]), touch.time_s[i][-1]) for i in own]
+    spans += [(trial.start_s, trial.end_s) for trial in left]
     place = span_at(row.start_s, spans, _SLACK_S)
-    for i in () if place is None else (own[place],):
+    for i in () if place is None or place >= len(own) else (own[place],):
         time_s, trial = touch.time_s[i], touch.trials[i]
         slack_s = min(_SLACK_S, 0.5 * float(np.median(np.diff(time_s)))) if len(time_s) > 1 else 0.0
         first = int(np.searchsorted(time_s, row.start_s - slack_s))
