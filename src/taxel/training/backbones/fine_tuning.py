@@ -48,7 +48,8 @@ _GAUGE_KNEE = 0.1
 """Errors of the change over its threshold count by their square below this, by their size above.
 Source: our choice, docs/decisions/0057."""
 _RIDGE = 0.1
-"""Of the gauge's closed form, times the mean square of a feature. Source: our choice."""
+"""Of the gauge's closed form, times the mean square of a feature. Source: our choice,
+docs/decisions/0057."""
 _CARD_LANES, _CARD_MULTIPLE = 16, 64
 """Where a graphics card trains: lanes, so recordings whose stretches are mixed, and what the number
 of images in a step is a multiple of. Source: our choice, docs/decisions/0057."""
