@@ -14,6 +14,7 @@ from work_to_do import (
     die_first,
     fall,
     leave_a_sign,
+    opencv_threads,
     own_number,
     refuse,
     sign_at_the_end,
@@ -33,6 +34,13 @@ def test_results_come_in_the_order_of_the_jobs(workers: int) -> None:
     found = side_by_side(square, [(2,), (4,), (6,)], done.append, workers)
 
     assert found == done == [4, 16, 36]
+
+
+def test_a_worker_takes_one_thread_for_images_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With as many workers as cores, OpenCV's own threads would take turns."""
+    monkeypatch.delenv("OPENCV_FOR_THREADS_NUM", raising=False)
+    with use_engine(LocalEngine(2, print)):
+        assert side_by_side(opencv_threads, [(0,), (1,)]) == [1, 1]
 
 
 def test_a_killed_worker_costs_its_own_job_a_second_start_and_no_other(tmp_path: Path) -> None:

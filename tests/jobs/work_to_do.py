@@ -38,6 +38,13 @@ def sign_at_the_end(folder: Path, number: int) -> None:
     atexit.register((folder / f"{number}-{os.getpid()}").touch)
 
 
+def opencv_threads(_: int) -> int:
+    """Return how many threads OpenCV takes here."""
+    import cv2
+
+    return int(cv2.getNumThreads())
+
+
 def collects(_: int) -> bool:
     return gc.isenabled()
 
