@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from taxel.cli.main import main
 from taxel.evaluation.transitions.data import CameraSet, load_camera_set
 from taxel.training.backbones.lanes import Lanes
 from taxel.training.frames.extractors import open_backbone
@@ -104,3 +105,14 @@ def test_it_learns_where_the_change_is_known(pours: CameraSet, cache: Path, know
         torch.zeros(1, 2, 2, dtype=torch.long),
     )  # fmt: skip
     assert (logits.shape, read.shape) == ((2, 1, 3), (1, 5, 2))
+
+
+def test_the_monitor_that_is_proposed_has_what_the_backbone_was_trained_with(
+    few_pours: Path, cache: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Another rule than that of the threshold: there is no gauge, and the command says the rule."""
+    main(["train-backbone", str(few_pours), "--backbone", EDGE, "--epochs", "1", "--cache",
+          str(cache), "--output", str(tmp_path / "w.safetensors"), "--rule", "slip", "--head",
+          "lstm", "--frames", "3"])  # fmt: skip
+    (further,) = [line for line in capsys.readouterr().out.splitlines() if "train-monitor" in line]
+    assert "--head lstm --rule slip --frames 3 --output" in further

@@ -183,7 +183,9 @@ class TrainBackbone:
             f"{self.output}: {self.backbone} after {self.epochs} epochs on {done.device}, "
             f"{done.processes} process(es); loss {', '.join(f'{loss:.3f}' for loss in done.losses)}"
         )
+        rule = [] if self.labels.rule == LabelOptions().rule else ["--rule", self.labels.rule]
+        frames = [] if self.frames == HeadOptions().frames else ["--frames", self.frames]
         further = command("taxel", "train-monitor", self.data, "--features", self.backbone,
-                          "--weights", self.output, "--head", self.head[-1], "--output",
-                          "grasp.taxel")  # fmt: skip
+                          "--weights", self.output, "--head", self.head[-1], *rule, *frames,
+                          "--output", "grasp.taxel")  # fmt: skip
         say(f"next: {further}")
