@@ -64,13 +64,19 @@ def test_it_begins_as_the_best_line_through_the_features(pours: CameraSet, cache
     assert abs(error.mean()) < 0.05
 
 
-def test_each_frame_of_a_stretch_comes_with_its_change(pours: CameraSet) -> None:
+def test_each_frame_of_a_stretch_comes_with_its_change(pours: CameraSet, cache: Path) -> None:
     excess = frame_excess(pours.pours, pours.signals)
     lanes = Lanes(pours.pours[:1], pours.labels[:1], 3, 1, excess=excess[:1])
     (_, start) = lanes.places(0, 0)[0]
     batch = next(lanes.batches(FineTuneConfig(), 0, [0]))
     frames = batch.frames.shape[1]
     assert np.array_equal(batch.excess[0].numpy(), excess[0][start : start + frames])
+    network = begun(pours, cache).eval()
+    with torch.inference_mode():  # and the gauge reads each frame's own
+        _, read = network(batch.images, batch.frames, batch.rest)
+    wanted = batch.excess.clamp(max=2.0)
+    assert np.corrcoef(read.ravel().numpy(), wanted.ravel().numpy())[0, 1] > 0.8
+    assert float((read - wanted).abs().mean()) < 0.25
     unknown = next(Lanes(pours.pours[:1], pours.labels[:1], 3, 1).batches(FineTuneConfig(), 0, [0]))
     assert unknown.excess.shape == batch.excess.shape
     assert unknown.excess.isnan().all()

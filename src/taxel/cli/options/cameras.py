@@ -48,11 +48,14 @@ class LabelOptions:
         return self.cache or default_cache()
 
 
+HeadName = Literal["lstm", "lstm2", "lstm4", "transformer"]
+
+
 @dataclass(frozen=True, kw_only=True)
 class HeadOptions:
     """The network behind the features."""
 
-    head: Literal["lstm", "lstm2", "lstm4", "transformer"] = "lstm"
+    head: HeadName = "lstm"
     """Network over the frames of a window."""
     frames: int = 8
     """Frames in a window, k."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
@@ -13,6 +13,7 @@ from taxel.cli.options.cameras import (
     GEL,
     EngineOptions,
     FitOptions,
+    HeadName,
     HeadOptions,
     LabelOptions,
     WeightOptions,
@@ -68,7 +69,7 @@ class TrainBackbone:
     json: bool = False
     """Print JSON."""
     labels: Annotated[LabelOptions, tyro.conf.arg(name="")] = field(default_factory=LabelOptions)
-    head: tuple[Literal["lstm", "lstm2", "lstm4", "transformer"], ...] = ("lstm", "transformer")
+    head: tuple[HeadName, ...] = ("lstm", "transformer")
     """Networks over the frames of a window, whose losses the backbone lowers together."""
     frames: int = 8
     """Frames in a window, k."""
