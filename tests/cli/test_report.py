@@ -202,17 +202,20 @@ def test_a_claim_without_a_row_says_so_and_why():
     assert "sees no light" in said
 
 
-def test_a_stored_row_fills_its_cell_and_names_its_command():
+@pytest.mark.parametrize("command", [
+    "taxel reproduce table-4-1", 'taxel bench teng --full --only "the paper\'s set, tables"',
+])  # fmt: skip
+def test_a_stored_row_fills_its_cell_and_names_its_command(command: str):
     name = table_row("honest", "shape", "session held out", "cnn2d", "Test Accuracy")
-    stamp = "commit abc, 2026-01-01, taxel reproduce table-4-1"
+    stamp = f"commit abc, 2026-01-01, {command}"
     row = Row(name=name, value=0.7654, unit="of 1", goal="", ok=None, stamp=stamp)
 
     said = card.claims_card(rows=[row])
 
     (line,) = (line for line in said.splitlines() if "2D CNN: Test Accuracy" in line)
     assert line.split(" | ")[2:] == ["0.9983", "–", "shape 0.7654",
-                                     "`taxel reproduce table-4-1` |"]  # fmt: skip
-    assert "- commit abc, 2026-01-01, `taxel reproduce table-4-1`" in said
+                                     f"`{command}` |"]  # fmt: skip
+    assert f"- commit abc, 2026-01-01, `{command}`" in said
 
 
 def test_a_link_with_a_star_finds_its_row_whatever_the_levels_are():

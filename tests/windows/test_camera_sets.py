@@ -8,6 +8,8 @@ import pytest
 
 from taxel.errors import BadDataset, BadTable
 from taxel.frame_codec import decode_jpeg, encode_jpeg
+from taxel.jobs.local import LocalEngine
+from taxel.jobs.running import use_engine
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import read_manifest
 from taxel.recordings.writer import Recorder
@@ -79,6 +81,26 @@ def test_too_short_a_recording_and_unlike_ones_are_refused(tmp_path: Path):
     for read in (read_camera_recordings, read_camera_trials):
         with pytest.raises(BadDataset, match="some with 1 and some with 2"):
             read(tmp_path)
+
+
+def test_workers_read_the_same_as_this_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    for name, levels in (("a", LEVELS), ("b", LEVELS[::-1]), ("c", LEVELS * 2)):
+        record(tmp_path / "set" / f"{name}.mcap", levels, sensor=FORCE)
+    here = read_camera_recordings(Path("set"))
+    with use_engine(LocalEngine(2)):
+        there = read_camera_recordings(Path("set"))
+        record(tmp_path / "set" / "short.mcap", LEVELS[:11])
+        with pytest.raises(BadDataset, match=r"11 in .*short.mcap"):
+            read_camera_recordings(Path("set"))
+
+    assert [pour.path for pour in there] == [Path(f"set/{name}.mcap") for name in "abc"]
+    for own, other in zip(here, there, strict=True):
+        np.testing.assert_array_equal(own.image, other.image)
+        np.testing.assert_array_equal(own.time_s, other.time_s)
+        np.testing.assert_array_equal(own.beside, other.beside)
+        assert (own.digest, own.groups, own.labels) == (other.digest, other.groups, other.labels)
+        assert (own.cameras, own.sensor) == (other.cameras, other.sensor)
 
 
 def test_a_trial_s_images_are_those_of_its_recording(tmp_path: Path):

@@ -216,10 +216,8 @@ def _part(part: ClaimsOfPart, known: Mapping[str, Row]) -> list[str]:
     for claim in part.claims:
         used = [row for link in (*claim.theirs, *claim.honest) if (row := find(link, known))]
         stamps |= dict.fromkeys(row.stamp for row in used if row.stamp)
-        said = [row.stamp.rpartition(", ")[2] for row in used if row.stamp]
-        command = " ".join(f"`{command_}`" for command_ in dict.fromkeys(said)) or _default(
-            claim, part
-        )
+        said = dict.fromkeys(_ran(row.stamp)[1] for row in used if row.stamp)
+        command = " ".join(f"`{each}`" for each in said) or _default(claim, part)
         theirs, honest = _cells(claim, known)
         cells = claim.where, claim.what, claim.claimed, theirs, honest, command
         lines.append(f"| {' | '.join(cells)} |")
@@ -280,5 +278,11 @@ def _answered(claim: Claim, known: Mapping[str, Row]) -> bool:
 
 def _command(stamp: str) -> str:
     """Return a stamp with its command as code."""
+    before, command = _ran(stamp)
+    return f"{before}`{command}`"
+
+
+def _ran(stamp: str) -> tuple[str, str]:
+    """Return a stamp's words before its command, and the command, which may hold commas."""
     before, found, command = stamp.rpartition("taxel ")
-    return f"{before}`{found}{command}`" if found else stamp
+    return before, found + command

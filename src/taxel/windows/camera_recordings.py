@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
+from taxel.jobs.running import shared_out, side_by_side
 from taxel.labels.trials import trials_of
 from taxel.recordings.reader import iterate_tactile, list_recordings, read_recording
 from taxel.signals import CameraInfo, SensorInfo
@@ -115,7 +116,7 @@ def read_camera_recording(path: Path, least: int = LEAST_FRAMES) -> CameraRecord
 
 
 def read_camera_recordings(path: Path, least: int = LEAST_FRAMES) -> list[CameraRecording]:
-    """Read a folder of recordings, or one.
+    """Read a folder of recordings, or one; many at a time where an engine is in use.
 
     Args:
         path: The folder or recording.
@@ -125,7 +126,13 @@ def read_camera_recordings(path: Path, least: int = LEAST_FRAMES) -> list[Camera
         BadRecording: One is damaged.
         BadDataset: One has no cameras, or they differ in number.
     """
-    pours = [read_camera_recording(file, least) for file in list_recordings(path)]
+    files = list_recordings(path)
+    if shared_out():
+        jobs = [(file.absolute(), least) for file in files]
+        found = side_by_side(read_camera_recording, jobs)
+        pours = [replace(pour, path=file) for pour, file in zip(found, files, strict=True)]
+    else:
+        pours = [read_camera_recording(file, least) for file in files]
     counts = {len(pour.cameras) for pour in pours}
     if len(counts) > 1:
         raise BadDataset(
