@@ -22,8 +22,14 @@ from taxel.evaluation.early_warning.grasp_warnings import (
 )
 from taxel.evaluation.early_warning.learn_monitor import learn_monitor
 from taxel.evaluation.transitions import tables
-from taxel.evaluation.transitions.data import CameraSet
-from taxel.evaluation.transitions.tables import BackboneSeen, measure_rows, plan_rows, trivial_rows
+from taxel.evaluation.transitions.data import DIFFERENCE, CameraSet
+from taxel.evaluation.transitions.tables import (
+    LARGEST_DIFFERENCE,
+    BackboneSeen,
+    measure_rows,
+    plan_rows,
+    trivial_rows,
+)
 from taxel.labels.slip import label_truth
 from taxel.signals import CameraInfo, SensorInfo
 from taxel.sim.pour.state import TRUTH_CHANNELS, TRUTH_UNITS
@@ -234,11 +240,24 @@ def test_trivial_answers_stand_beside_a_table() -> None:
     rows = {row.name: row for row in trivial_rows(slipping)}
 
     assert list(rows) == [
-        "frame index", "difference to first frames", "pour started (not seen by the sensor)",
-        "the commonest class",
+        "frame index", DIFFERENCE, "pour started (not seen by the sensor)",
+        LARGEST_DIFFERENCE, "the commonest class",
     ]  # fmt: skip
     assert rows["frame index"].every_cup.accuracy == 1.0
     unstable = (FRAMES - GROSS) / (FRAMES - 7)
-    for name in ("difference to first frames", "the commonest class"):
+    for name in (DIFFERENCE, "the commonest class"):
         assert rows[name].every_cup.accuracy == pytest.approx(1.0 - unstable)
         assert rows[name].every_cup.balanced == 0.5
+
+
+def test_a_window_s_largest_difference_sees_what_its_last_frame_no_longer_shows() -> None:
+    data = pours_of(3)
+    moment = np.zeros(FRAMES, np.int8)
+    moment[20:40] = 1
+    signal = np.stack([2.0 * moment, moment], axis=1).astype(np.float32)
+    touched = replace(data, labels=(moment,) * len(data.pours), signals=(signal,) * len(data.pours))
+    rows = {row.name: row for row in trivial_rows(touched)}
+
+    assert rows[LARGEST_DIFFERENCE].every_cup.accuracy == 1.0
+    windows = FRAMES - 7
+    assert rows[DIFFERENCE].every_cup.accuracy == pytest.approx((windows - 7) / windows)

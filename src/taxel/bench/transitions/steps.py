@@ -187,6 +187,9 @@ def _live_steps() -> tuple[float, list[float], int, float]:
 
 def paper_set() -> list[Row]:
     """Simulate the paper's set, make its tables with our backbone, and warn on unseen cups."""
+    from taxel.evaluation.transitions.data import DIFFERENCE
+    from taxel.evaluation.transitions.tables import LARGEST_DIFFERENCE
+
     rows = []
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         cups = Path(scratch) / "cups"
@@ -208,10 +211,13 @@ def paper_set() -> list[Row]:
         )  # fmt: skip
         lstm = next(r for r in tables["rows"] if r["plan"]["model"] == LITE0
                     and r["plan"]["frames"] == 8)  # fmt: skip
-        trivial = next(b for b in tables["baselines"] if "difference" in b["name"])
+        trivial = {baseline["name"]: baseline for baseline in tables["baselines"]}
         name = "rule change, EfficientNet-Lite0 + LSTM"
         for split, key in (("one cup held out", "single"), ("every cup held out", "every_cup")):
-            note = f"a difference of pixels: {trivial[key]['accuracy']:.3f}"
+            last, largest = (
+                trivial[own][key]["accuracy"] for own in (DIFFERENCE, LARGEST_DIFFERENCE)
+            )
+            note = f"a difference of pixels: {last:.3f}, the largest of the window {largest:.3f}"
             rows.append(
                 row(f"{name}, {split}", lstm[key]["accuracy"], "accuracy", ">=", 0.98, note)
             )

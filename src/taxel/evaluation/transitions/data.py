@@ -24,6 +24,9 @@ from taxel.training.frames.labels import change_signals, frame_labels, truth_of
 from taxel.windows.camera_recordings import CameraRecording, read_camera_recordings
 from taxel.windows.sequence import label_windows
 
+DIFFERENCE = "difference to first frames"
+"""A trivial baseline: the larger of both cameras' changes, per cent of the brightness."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraSet:
@@ -160,7 +163,7 @@ def trivial_features(data: CameraSet, index: int) -> dict[str, NDArray[np.float6
     pour = data.pours[index]
     found = {
         "frame index": np.arange(len(pour), dtype=np.float64),
-        "difference to first frames": data.signals[index].max(axis=1).astype(np.float64),
+        DIFFERENCE: data.signals[index].max(axis=1).astype(np.float64),
     }
     if has_truth(pour.sensor.channels):
         poured = truth_of(pour)[:, TRUTH_CHANNELS.index("poured")]

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 from sklearn.metrics import balanced_accuracy_score, roc_auc_score
@@ -22,6 +23,7 @@ from sklearn.tree import DecisionTreeClassifier
 from taxel.evaluation.intervals import Interval, ratio_interval
 from taxel.evaluation.splits import TrialFold
 from taxel.evaluation.transitions.data import (
+    DIFFERENCE,
     CameraSet,
     Judged,
     cup_folds,
@@ -42,6 +44,8 @@ from taxel.windows.sequence import label_windows
 
 OWN_HEADS = ("lstm", "lstm2", "lstm4", "transformer")
 """Heads tried on our own backbone, so that each table has rows with trained weights."""
+LARGEST_DIFFERENCE = "largest difference to first frames in the window"
+"""A trivial baseline."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -232,43 +236,46 @@ def _judge_folds(
 
 
 def trivial_rows(data: CameraSet, frames: int = FRAMES, key: str = "cup") -> list[TrivialRow]:
-    """Return the trivial baselines: one number a frame, thresholds learned on training cups."""
+    """Return the trivial baselines: one number a window, thresholds learned on training cups.
+
+    That number is the last frame's. Of the difference there is also the largest of the window's
+    frames: a window counts as unstable when one of its frames does.
+    """
     folds = cup_folds(data.groups(key), key)
     columns = [trivial_features(data, index) for index in range(len(data.pours))]
+    known: dict[str, list[NDArray[np.float64]] | None] = {
+        name: [column[name][frames - 1 :] for column in columns] for name in columns[0]
+    }
+    known[LARGEST_DIFFERENCE] = [
+        sliding_window_view(column[DIFFERENCE], frames).max(axis=1) for column in columns
+    ]
+    known["the commonest class"] = None
     rows = []
-    for name in columns[0]:
-        judged = [_judge_trivial(data, [c[name] for c in columns], fold, frames) for fold in folds]
+    for name, values in known.items():
+        judged = [_judge_trivial(data, values, fold, frames) for fold in folds]
         rows.append(
             TrivialRow(
                 name=name, single=score_windows(judged[-1:]), every_cup=score_windows(judged)
             )
         )
-    judged = [_judge_trivial(data, None, fold, frames) for fold in folds]
-    rows.append(
-        TrivialRow(
-            name="the commonest class",
-            single=score_windows(judged[-1:]),
-            every_cup=score_windows(judged),
-        )
-    )
     return rows
 
 
 def _judge_trivial(
-    data: CameraSet, columns: list[NDArray[np.float64]] | None, fold: TrialFold, frames: int
+    data: CameraSet, values: list[NDArray[np.float64]] | None, fold: TrialFold, frames: int
 ) -> Judged:
     labels = {i: label_windows(data.labels[i], frames) for i in (*fold.train_rows, *fold.test_rows)}
     wanted = np.concatenate([labels[i] for i in fold.train_rows])
-    if columns is None:
+    if values is None:
         share = float(wanted.mean())
         found = tuple(np.full(len(labels[i]), share, np.float32) for i in fold.test_rows)
         return Judged(fold, found, tuple(labels[i] for i in fold.test_rows))
-    seen = np.concatenate([columns[i][frames - 1 :] for i in fold.train_rows])[:, None]
+    seen = np.concatenate([values[i] for i in fold.train_rows])[:, None]
     tree = DecisionTreeClassifier(max_depth=3, min_samples_leaf=50).fit(seen, wanted)
     column = list(tree.classes_).index(1) if 1 in tree.classes_ else None
     found = tuple(
         (
-            tree.predict_proba(columns[i][frames - 1 :, None])[:, column]
+            tree.predict_proba(values[i][:, None])[:, column]
             if column is not None
             else np.zeros(len(labels[i]))
         ).astype(np.float32)
