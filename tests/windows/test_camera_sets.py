@@ -15,22 +15,27 @@ from taxel.recordings.reader import read_manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.windows import camera_trials
-from taxel.windows.camera_recordings import read_camera_recording, read_camera_recordings
+from taxel.windows.camera_recordings import (
+    image_size,
+    read_camera_recording,
+    read_camera_recordings,
+)
 from taxel.windows.camera_trials import are_camera_trials, read_camera_trials
 
 FORCE = SensorInfo(name="force", channels=("n",), units=("N",), rate_hz=100.0)
 
 
-def picture(level: int) -> bytes:
-    return encode_jpeg(np.full((24, 32, 3), level, np.uint8))
+def picture(level: int, width: int = 32) -> bytes:
+    return encode_jpeg(np.full((24, width, 3), level, np.uint8))
 
 
 def record(
     path: Path, levels: Sequence[int], names: tuple[str, ...] = ("left", "right"),
-    sensor: SensorInfo = NO_ARRAY, marked: bool = True,
+    sensor: SensorInfo = NO_ARRAY, marked: bool = True, widths: tuple[int, ...] = (32, 32),
 ) -> Path:  # fmt: skip
     """Write a frame of each camera 20 times a second; an array's scan is its own time."""
-    cameras = tuple(CameraInfo(name=name, width=32, height=24, rate_hz=20.0) for name in names)
+    cameras = tuple(CameraInfo(name=name, width=width, height=24, rate_hz=20.0)
+                    for name, width in zip(names, widths, strict=False))  # fmt: skip
     manifest = Manifest(sensor=sensor, cameras=cameras, groups={"cup": "3"}, labels={"kind": "p"})
     with Recorder(path, manifest) as recorder:
         if sensor.channels:
@@ -39,7 +44,7 @@ def record(
         for number, level in enumerate(levels):
             for camera in range(len(names)):
                 recorder.frame(Frame(
-                    camera=camera, jpeg=picture(level + camera), counter=number,
+                    camera=camera, jpeg=picture(level + camera, widths[camera]), counter=number,
                     device_s=float("nan"), arrival_s=number / 20, fitted_s=number / 20,
                 ))  # fmt: skip
         if marked:
@@ -103,6 +108,22 @@ def test_workers_read_the_same_as_this_process(tmp_path: Path, monkeypatch: pyte
         assert (own.cameras, own.sensor) == (other.cameras, other.sensor)
 
 
+def test_images_of_another_size_are_named_with_their_camera_and_recording(tmp_path: Path):
+    same = [read_camera_recording(record(tmp_path / f"{name}.mcap", LEVELS)) for name in "ab"]
+    wide = read_camera_recording(record(tmp_path / "wide.mcap", LEVELS, widths=(40, 40)))
+    mixed = read_camera_recording(record(tmp_path / "mixed.mcap", LEVELS, widths=(32, 48)))
+
+    assert image_size(same) == (32, 24)
+    with pytest.raises(BadDataset, match=r"32×24 of left in a\.mcap and 40×24 of left in wide"):
+        image_size([*same, wide])
+    with pytest.raises(BadDataset, match=r"40×24 of left in wide\.mcap and 32×24 of left in b"):
+        image_size([wide, *same[::-1]])
+    with pytest.raises(BadDataset, match=r"32×24 of left in mixed.* and 48×24 of right in mixed"):
+        image_size([mixed])
+    with pytest.raises(BadDataset, match="48×24 of right in mixed"):
+        read_camera_trials(tmp_path / "mixed.mcap")
+
+
 def test_a_trial_s_images_are_those_of_its_recording(tmp_path: Path):
     record(tmp_path / "a.mcap", LEVELS)
     (trial,) = read_camera_trials(tmp_path / "a.mcap")
@@ -161,6 +182,11 @@ def test_a_table_names_folders_of_images(tmp_path: Path):
     means = [round(float(image.mean())) for image in trial.read(1)]
     np.testing.assert_allclose(means, LEVELS[::-1], atol=1)
     other = frames_of(tmp_path, "other", LEVELS)
+    (tmp_path / "wide").mkdir()
+    for number, level in enumerate(LEVELS):
+        (tmp_path / "wide" / f"{number:03d}.jpg").write_bytes(picture(level, 48))
+    with pytest.raises(BadTable, match=r"32×24 and, of right in .*, 48×24"):
+        read_camera_trials(table(tmp_path, "left,right,label:kind,rate", "l,wide,ball,25"))
     mixed = table(tmp_path, "camera:a,camera:b,label:kind,rate", f"{left},{right},ball,25",
                   f"{other},,ball,25")  # fmt: skip
     with pytest.raises(ValueError, match="camera"):

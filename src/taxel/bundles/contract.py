@@ -29,6 +29,9 @@ from taxel.windows.scaling import Scaling, ScalingKind
 
 FORMAT = 1
 """Version of the layout above."""
+RATE_RANGE = (0.8, 1.25)
+"""Least and most that a camera's rate may be of the one that a bundle was trained at. Source: our
+choice, docs/decisions/0013."""
 LARGEST_DIFFERENCE = 1e-4
 """A probability may differ by this much between training framework, export and load.
 Source: our choice, docs/decisions/0009."""

@@ -20,7 +20,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.contract import LARGEST_DIFFERENCE
+from taxel.bundles.contract import LARGEST_DIFFERENCE, RATE_RANGE
 from taxel.bundles.engine import (
     Engine,
     EngineName,
@@ -122,7 +122,7 @@ class GraspContract:
                     f"frames of {self.width}×{self.height}", f"{camera.width}×{camera.height} from "
                     f"{camera.name!r}", "train a bundle on recordings of this camera",
                 )  # fmt: skip
-            if not 0.8 <= camera.rate_hz / self.rate_hz <= 1.25:
+            if not RATE_RANGE[0] <= camera.rate_hz / self.rate_hz <= RATE_RANGE[1]:
                 raise BadBundle(
                     f"about {self.rate_hz:g} frames/s", f"{camera.rate_hz:g} from {camera.name!r}",
                     "train a bundle on recordings of this rate",

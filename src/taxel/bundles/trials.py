@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.contract import LARGEST_DIFFERENCE
+from taxel.bundles.contract import LARGEST_DIFFERENCE, RATE_RANGE
 from taxel.bundles.engine import Engine, largest_difference, open_engine
 from taxel.bundles.envelope import from_npy, kind_of, pack, to_npy, unpack
 from taxel.bundles.model_check import check_model
@@ -97,7 +97,7 @@ class TrialContract:
                     "train a bundle on trials of this camera",
                 )  # fmt: skip
         for rate_hz in rates_hz if self.crop > 1 else ():  # an image alone has no rate
-            if not 0.8 <= rate_hz / self.rate_hz <= 1.25:
+            if not RATE_RANGE[0] <= rate_hz / self.rate_hz <= RATE_RANGE[1]:
                 raise BadBundle(
                     f"about {self.rate_hz:g} frames/s", f"{rate_hz:g}",
                     "train a bundle on trials of this rate",

@@ -7,7 +7,7 @@ Knows nothing about features, labels or models.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -141,6 +141,27 @@ def read_camera_recordings(path: Path, least: int = LEAST_FRAMES) -> list[Camera
             "put them in folders of their own",
         )
     return pours
+
+
+def image_size(pours: Sequence[CameraRecording]) -> tuple[int, int]:
+    """Return width and height of all cameras' images, pixels.
+
+    Raises:
+        BadDataset: They differ.
+    """
+    found = {
+        (camera.width, camera.height): f"{camera.width}×{camera.height} of {camera.name} in "
+        f"{pour.path.name}"
+        for pour in reversed(pours) for camera in reversed(pour.cameras)
+    }  # fmt: skip
+    if len(found) > 1:
+        *_, other, first = found.values()
+        raise BadDataset(
+            "images of one size from all cameras", f"{first} and {other}",
+            "record all at one size, or put those of each size in a folder of their own",
+        )  # fmt: skip
+    ((size, _),) = found.items()
+    return size
 
 
 def frame_sets(path: Path, cameras: int) -> Iterator[FrameSet]:

@@ -25,7 +25,12 @@ from taxel.recordings.imports.video_rows import VideoRow, names_videos, read_vid
 from taxel.recordings.imports.videos import QUALITY, same_length, same_rate
 from taxel.recordings.reader import list_recordings, read_manifest
 from taxel.sim.pour.state import has_truth
-from taxel.windows.camera_recordings import CameraRecording, frame_sets, read_camera_recordings
+from taxel.windows.camera_recordings import (
+    CameraRecording,
+    frame_sets,
+    image_size,
+    read_camera_recordings,
+)
 
 Image = NDArray[np.uint8]
 TABLES = (".csv", ".tsv")
@@ -44,7 +49,7 @@ class CameraTrial:
     """Of each camera."""
     width: int
     height: int
-    """Of the first camera's images, pixels."""
+    """Of all cameras' images, pixels."""
     rate_hz: float
     mm_per_px: float | None
     """Millimetres that a pixel covers; None where nobody said."""
@@ -124,7 +129,8 @@ def read_camera_trials(path: Path, *, outside: bool = False) -> list[CameraTrial
     Raises:
         BadTable: The table or a video is not as it should be.
         BadRecording: A recording is damaged, or there is none.
-        BadDataset: There are no cameras, or trials differ in their number.
+        BadDataset: There are no cameras, trials differ in their number, or those of a trial in
+            their images' size.
     """
     if path.suffix.lower() in TABLES and path.is_file():
         trials = [_of_row(row) for row in read_video_rows(path, path.parent, outside=outside)]
@@ -164,6 +170,14 @@ def _of_row(row: VideoRow) -> CameraTrial:
                 yield from footage.frames()
 
         first = next(iter(videos.values()))
+        for name, video in videos.items():
+            if (video.width, video.height) != (first.width, first.height):
+                raise BadTable(
+                    "images of one size from all cameras of a trial",
+                    f"{first.width}×{first.height} and, of {name} in {row.name}, "
+                    f"{video.width}×{video.height}",
+                    "scale them to one size",
+                )
         together = "".join(video.digest() for video in videos.values())
         return CameraTrial(
             name=row.name,
@@ -200,6 +214,7 @@ def _of_pour(pour: CameraRecording) -> CameraTrial:
                 last = jpeg, decode_jpeg(jpeg, pour.cameras[camera])
             yield last[1]
 
+    width, height = image_size([pour])
     first = pour.cameras[0]
     return CameraTrial(
         name=pour.name,
@@ -207,8 +222,8 @@ def _of_pour(pour: CameraRecording) -> CameraTrial:
         groups=pour.groups,
         cameras=tuple(camera.name for camera in pour.cameras),
         frames=len(pour),
-        width=first.width,
-        height=first.height,
+        width=width,
+        height=height,
         rate_hz=first.rate_hz,
         mm_per_px=first.mm_per_px,
         digest=pour.digest,

@@ -20,7 +20,7 @@ from taxel.evaluation.early_warning.grasp_warnings import (
     warn_on_unseen_cups,
     warn_trivially,
 )
-from taxel.evaluation.early_warning.learn_monitor import learn_monitor
+from taxel.evaluation.early_warning.learn_monitor import check_alike, learn_monitor
 from taxel.evaluation.transitions import tables
 from taxel.evaluation.transitions.data import DIFFERENCE, CameraSet
 from taxel.evaluation.transitions.tables import (
@@ -261,3 +261,15 @@ def test_a_window_s_largest_difference_sees_what_its_last_frame_no_longer_shows(
     assert rows[LARGEST_DIFFERENCE].every_cup.accuracy == 1.0
     windows = FRAMES - 7
     assert rows[DIFFERENCE].every_cup.accuracy == pytest.approx((windows - 7) / windows)
+
+
+def test_recordings_that_no_bundle_serves_together_are_refused() -> None:
+    data = pours_of(2)
+    check_alike(data.pours)
+    slow = replace(data.pours[1], path=Path("slow.mcap"), time_s=data.pours[1].time_s * 1.3)
+    with pytest.raises(BadDataset, match=r"46\.2 frames/s in slow\.mcap and 60 in cup-0-True"):
+        check_alike([data.pours[0], slow])
+    check_alike([data.pours[0], replace(slow, time_s=data.pours[1].time_s * 1.2)])
+    small = replace(data.pours[1], cameras=(CAMERA, replace(CAMERA, width=CAMERA.width // 2)))
+    with pytest.raises(BadDataset, match="images of one size"):
+        check_alike([data.pours[0], small])

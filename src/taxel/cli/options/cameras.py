@@ -214,21 +214,21 @@ def open_backbone(
 
     Raises:
         BadInput: An option lies outside its limits.
+        BadDataset: The cameras' images are not of one size.
     """
     from taxel.training.frames.extractors import CameraImages
     from taxel.training.frames.extractors import open_backbone as open_named
     from taxel.training.frames.quantising import calibration_frames
+    from taxel.windows.camera_recordings import image_size
 
     if not 1 <= weights.threads <= 64:
         raise BadInput("1 to 64 --threads", str(weights.threads), "choose another")
-    camera = pours[0].cameras[0]
+    width_px, height_px = image_size(pours)
     frames = calibration_frames(pours) if engine.precision == "int8" else ()
     return open_named(
         name, weights.weights, engine=engine.engine, precision=engine.precision,
         threads=weights.threads,
-        images=CameraImages(
-            height_px=camera.height, width_px=camera.width, calibration=frames
-        ),
+        images=CameraImages(height_px=height_px, width_px=width_px, calibration=frames),
         places=tare == "local-size",
     )  # fmt: skip
 

@@ -74,12 +74,17 @@ class TrainMonitor:
             self._train()
 
     def _train(self) -> None:
-        from taxel.evaluation.early_warning.learn_monitor import learn_monitor, write_monitor
+        from taxel.evaluation.early_warning.learn_monitor import (
+            check_alike,
+            learn_monitor,
+            write_monitor,
+        )
         from taxel.training.frames.extractors import BackboneExtractor
 
         config = head_config(self.labels.rule, self.fit, self.head, features=self.features)
         with self.work.open(), progress() as bar:
             pours = load_set(self.labels, self.data, bar)
+            check_alike(pours.pours)
             extractor = open_features(self.features, pours, self.weights, self.engine, config.tare)
             features = extract_features(extractor, self.features, pours, self.labels.folder(), bar)
             task = bar.add_task("training", total=None)

@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel import __version__
+from taxel.bundles.contract import RATE_RANGE
 from taxel.bundles.grasp import GraspContract, write_grasp_bundle
 from taxel.decisions.stability import StabilityConfig
+from taxel.errors import BadDataset
 from taxel.evaluation.early_warning.grasp_warnings import INNER_FOLDS, monitor_tracks
 from taxel.evaluation.early_warning.tuning_stability import Tuned, tune
 from taxel.evaluation.splits import TrialFold
@@ -29,6 +31,7 @@ from taxel.training.curves import Curve
 from taxel.training.frames.features import FrameFeatures
 from taxel.training.frames.heads import HeadConfig, TrainedHead, fit_head, tracks_of
 from taxel.training.frames.labels import rate_of
+from taxel.windows.camera_recordings import CameraRecording, image_size
 from taxel.windows.rest import SETTLE
 from taxel.windows.sequence import sequence_windows
 
@@ -125,6 +128,23 @@ def write_monitor(
     head = export_head(learnt.head.module, contract.frames, windows.shape[3])
     model = backbone.model if backbone else None
     return contract, write_grasp_bundle(path, contract, head, model, windows, expected)
+
+
+def check_alike(pours: Sequence[CameraRecording]) -> None:
+    """Refuse recordings that no bundle serves together, before anything is computed.
+
+    Raises:
+        BadDataset: Their images differ in size, or their rates by more than live allows.
+    """
+    image_size(pours)
+    least, most = min(pours, key=rate_of), max(pours, key=rate_of)
+    if rate_of(most) > rate_of(least) * RATE_RANGE[1]:
+        raise BadDataset(
+            f"recordings of about one rate, within a factor of {RATE_RANGE[1]:g}",
+            f"{rate_of(least):.3g} frames/s in {least.path.name} and {rate_of(most):.3g} in "
+            f"{most.path.name}",
+            "put those of each rate in a folder of their own",
+        )  # fmt: skip
 
 
 def _contract(
