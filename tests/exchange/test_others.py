@@ -7,7 +7,11 @@ import pytest
 
 from taxel.errors import BadDataset
 from taxel.exchange.ros2_bag import write_bags
+from taxel.frame_codec import encode_jpeg
+from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import iterate_frames, read_recording
+from taxel.recordings.writer import Recorder
+from taxel.signals import CameraInfo, Frame
 
 
 def test_rosbags_reads_a_bag_folder_with_every_message(make, tmp_path):
@@ -98,3 +102,29 @@ def test_a_recording_without_cameras_has_no_video(make, tmp_path):
     with pytest.raises(BadDataset, match="cameras"):
         write_videos([make(tmp_path / "a.mcap", cameras=False)], tmp_path / "v")
     assert not (tmp_path / "v").exists()
+
+
+@pytest.mark.parametrize(("codec", "ending"), [("mjpeg", "mkv"), ("h264", "mp4")])
+def test_cameras_of_odd_sizes_and_like_names_have_a_video_each(tmp_path, codec, ending):
+    av = pytest.importorskip("av", reason="av is not installed (taxel[export])")
+    if codec == "h264" and "libx264" not in av.codecs_available:
+        pytest.skip("this build of av has no H.264 encoder")
+    from taxel.exchange.video_files import write_videos
+
+    cameras = tuple(
+        CameraInfo(name=name, width=33, height=25, rate_hz=25.0) for name in ("l 1", "l_1")
+    )
+    with Recorder(tmp_path / "a.mcap", Manifest(sensor=NO_ARRAY, cameras=cameras)) as recorder:
+        for number in range(12):
+            for camera in range(2):
+                image = np.full((25, 33, 3), 40 + 100 * camera, np.uint8)
+                recorder.frame(Frame(camera=camera, jpeg=encode_jpeg(image), counter=number,
+                                     device_s=float("nan"), arrival_s=number / 25,
+                                     fitted_s=number / 25))  # fmt: skip
+    found = write_videos([tmp_path / "a.mcap"], tmp_path / "v", codec=codec)
+    assert found == {f"a.l_1-1.{ending}": 12, f"a.l_1-2.{ending}": 12}
+    for number, level in ((1, 40), (2, 140)):
+        with av.open(str(tmp_path / "v" / f"a.l_1-{number}.{ending}")) as file:
+            images = [frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)]
+        assert [image.shape for image in images] == [(25, 33, 3)] * 12
+        assert abs(int(images[5].mean()) - level) <= 2

@@ -10,6 +10,8 @@ from taxel.bundles.engine import open_engine
 from taxel.bundles.grasp import (
     GraspBundle,
     GraspContract,
+    contract_from_json,
+    contract_to_json,
     is_grasp_bundle,
     read_grasp_bundle,
     write_grasp_bundle,
@@ -21,7 +23,7 @@ from taxel.live.grasp_monitor import GraspMonitor
 from taxel.live.grasp_session import run_grasp_session
 from taxel.models.export_onnx import export_head
 from taxel.recordings.reader import iterate_frames
-from taxel.signals import Frame, Mark
+from taxel.signals import CameraInfo, Frame, Mark
 from taxel.sources.opening import open_source
 from taxel.training.frames.extractors import BackboneExtractor, SlipExtractor, open_backbone
 from taxel.training.frames.features import extract
@@ -31,6 +33,26 @@ from taxel.windows.pairs import FrameSet
 from taxel.windows.rest import SETTLE
 
 EVER = StabilityConfig(raise_s=0.0, clear_s=0.0, warn=0.5, clear=0.5, unstable=0.8)
+
+
+CAMERAS = tuple(
+    CameraInfo(name=name, width=320, height=240, rate_hz=60.0) for name in ("left", "right")
+)
+
+
+def test_the_cameras_of_a_bundle_in_another_order_are_refused(few_pours: Path, tmp_path: Path):
+    """A head knows them by their place alone; what it never heard of is taken as it comes."""
+    bundle, *_ = make(tmp_path, read_camera_recordings(few_pours)[:1], "gel")
+    own = replace(bundle.contract, names=("left", "right"))
+    read = contract_from_json(contract_to_json(own))
+    assert read == own
+    read.check_cameras(CAMERAS)
+    with pytest.raises(BadBundle, match="in the order left, right; got right, left"):
+        read.check_cameras(CAMERAS[::-1])
+    read.check_cameras(tuple(replace(camera, name=f"my {camera.name}") for camera in CAMERAS[::-1]))
+    older = contract_from_json(contract_to_json(bundle.contract))
+    assert "names" not in contract_to_json(older)
+    older.check_cameras(CAMERAS[::-1])
 
 
 def make(

@@ -8,7 +8,7 @@ import pytest
 
 from taxel.errors import BadTable
 from taxel.frame_codec import decode_jpeg
-from taxel.recordings.imports.footage import Video
+from taxel.recordings.imports.footage import Video, open_footage
 from taxel.recordings.imports.known import KNOWN_VIDEOS
 from taxel.recordings.imports.video_rows import VideoRow, names_videos, read_video_rows
 from taxel.recordings.imports.videos import import_videos
@@ -68,7 +68,17 @@ def padded(path: Path) -> Path:
     return path
 
 
+def understated(path: Path) -> Path:
+    """Twice as many frames as both of its heads say."""
+    content = bytearray(write(path, 40).read_bytes())
+    for head, place in ((b"avih", 24), (b"strh", 40)):
+        content[content.index(head) + place : content.index(head) + place + 4] = b"\x14\0\0\0"
+    path.write_bytes(content)
+    return path
+
+
 BAD = {
+    "understated": (understated, "the 20 frames that .* says it has; got more"),
     "empty": (lambda path: (path.write_bytes(b""), path)[1], "without any"),
     "cut short": (truncated, "cut short|without any"),
     "padded": (padded, "cut short|without any"),
@@ -114,6 +124,7 @@ def test_a_table_names_videos_labels_and_groups(tmp_path: Path, pair: dict[str, 
         "left,rate\na.avi,x\n",
         "left,right\na.avi,b.avi,c\n",
         "left,left\na.avi,b.avi\n",
+        "left,camera:left\na.avi,b.avi\n",
         "left,label:outcome\na.avi,\n",
         "left,label:outcome\na.avi\n",
         "left,label:\na.avi,x\n",
@@ -181,3 +192,22 @@ def test_some_frames_of_a_video_are_those_of_all_of_them(tmp_path: Path) -> None
     assert all(np.array_equal(a, every[n]) for a, n in zip(some, (0, 7, 19), strict=True))
     with pytest.raises(BadTable, match="frame 25"):
         list(Video(path).frames_at([25]))
+
+
+def stills(folder: Path, *names: str) -> Path:
+    folder.mkdir()
+    for name in names:
+        assert cv2.imwrite(str(folder / name), np.full((24, 32, 3), 90, np.uint8))
+    return folder
+
+
+def test_images_whose_order_their_names_leave_open_are_refused(tmp_path: Path) -> None:
+    """Decimals of unlike length: in the order of numbers, 1.5 would come before 1.25."""
+    with pytest.raises(BadTable, match=r"got 1\.5 and 1\.25 in .*open: decimals"):
+        open_footage(stills(tmp_path / "open", "1.25.png", "1.5.png", "1.75.png"))
+    with pytest.raises(BadTable, match=r"one image a frame; got 1\.(jpg|png) and 1\.(jpg|png)"):
+        open_footage(stills(tmp_path / "twice", "1.png", "1.jpg", "2.png"))
+    for number, names in enumerate([("1.250.png", "1.500.png", "2.000.png"),
+                                    ("a1.png", "a2.png", "a10.png"),
+                                    ("t0.5.png", "t0.25.5.png")]):  # fmt: skip
+        assert open_footage(stills(tmp_path / f"{number}", *names)).count == len(names)

@@ -16,6 +16,7 @@ from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.windows import camera_trials
 from taxel.windows.camera_recordings import (
+    check_order,
     image_size,
     read_camera_recording,
     read_camera_recordings,
@@ -122,6 +123,15 @@ def test_images_of_another_size_are_named_with_their_camera_and_recording(tmp_pa
         image_size([mixed])
     with pytest.raises(BadDataset, match="48×24 of right in mixed"):
         read_camera_trials(tmp_path / "mixed.mcap")
+
+
+def test_the_same_cameras_in_another_order_are_refused(tmp_path: Path):
+    pours = [read_camera_recording(record(tmp_path / f"{name}.mcap", LEVELS)) for name in "ab"]
+    other = read_camera_recording(record(tmp_path / "c.mcap", LEVELS, names=("thumb", "index")))
+    check_order([*pours, other])
+    swapped = read_camera_recording(record(tmp_path / "d.mcap", LEVELS, names=("right", "left")))
+    with pytest.raises(BadDataset, match=r"left, right in a\.mcap and right, left in d\.mcap"):
+        check_order([*pours, other, swapped])
 
 
 def test_a_trial_s_images_are_those_of_its_recording(tmp_path: Path):

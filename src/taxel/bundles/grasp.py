@@ -98,6 +98,8 @@ class GraspContract:
     measured: Mapping[str, float]
     """What was measured when it was trained, on cups held out; may be empty."""
     software: str
+    names: tuple[str, ...] = ()
+    """Of the cameras, in the order in which the head takes them; empty where it is not known."""
 
     @property
     def gives_probability(self) -> bool:
@@ -108,13 +110,19 @@ class GraspContract:
         """Refuse cameras that this bundle was not made for.
 
         Raises:
-            BadBundle: Their number, size or rate differ.
+            BadBundle: Their number, size, rate or order differ.
         """
         feel = [camera for camera in cameras if not camera.scene]
         if len(cameras) != self.cameras or len(feel) < len(cameras):
             raise BadBundle(
                 f"a source with {self.cameras} tactile cameras", f"one with {len(feel)}",
                 "choose a source such as sim://cup-pour, or train on recordings of yours",
+            )  # fmt: skip
+        given = tuple(camera.name for camera in cameras)
+        if given != self.names and sorted(given) == sorted(self.names):
+            raise BadBundle(
+                f"the cameras in the order {', '.join(self.names)}", ", ".join(given),
+                "name them to the source in that order",
             )  # fmt: skip
         for camera in cameras:
             if (camera.width, camera.height) != (self.width, self.height):
@@ -269,6 +277,8 @@ def contract_to_json(contract: GraspContract) -> str:
     data = asdict(contract) | {"format": FORMAT, "kind": "grasp"}
     if data["stability"]["frozen_s"] == float("inf"):
         data["stability"]["frozen_s"] = None
+    if not contract.names:
+        del data["names"]
     return json.dumps(data, indent=1, sort_keys=True, allow_nan=False)
 
 
@@ -289,7 +299,9 @@ def contract_from_json(text: str | bytes) -> GraspContract:
 def _contract(given: Fields) -> GraspContract:
     if given.any("format") != FORMAT or given.any("kind") != "grasp":
         raise ValueError("another format or kind")
-    given.only({field.name for field in fields(GraspContract)} | {"format", "kind"})
+    lacking = set() if "names" in given else {"names"}  # bundles before them
+    known = {field.name for field in fields(GraspContract)} - lacking
+    given.only(known | {"format", "kind"})
     stability = given.any("stability")
     if isinstance(stability, dict) and stability.get("frozen_s", 0.0) is None:
         stability = stability | {"frozen_s": math.inf}
@@ -322,6 +334,7 @@ def _contract(given: Fields) -> GraspContract:
         data_digest=given.text("data_digest"),
         measured=given.numbers("measured"),
         software=given.text("software"),
+        names=given.texts("names") if "names" in given else (),
     )
 
 

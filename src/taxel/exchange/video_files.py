@@ -71,7 +71,10 @@ def write_videos(
 
 
 def _write(path: Path, cameras: Sequence[CameraInfo], folder: Path, codec: Codec) -> dict[str, int]:
-    names = [f"{path.stem}.{_plain(camera.name)}{ENDINGS[codec]}" for camera in cameras]
+    plain = [_plain(camera.name) for camera in cameras]
+    plain = [name if plain.count(name) == 1 else f"{name}-{number}"
+             for number, name in enumerate(plain, 1)]  # fmt: skip
+    names = [f"{path.stem}.{name}{ENDINGS[codec]}" for name in plain]
     counts = dict.fromkeys(names, 0)
     with ExitStack() as stack:
         videos = [
@@ -96,7 +99,9 @@ class _Video:
             options={} if codec == "mjpeg" else {"crf": _CRF},
         )  # fmt: skip
         self._stream.width, self._stream.height = camera.width, camera.height
-        self._stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+        even = not (camera.width % 2 or camera.height % 2)
+        h264 = "yuv420p" if even else "yuv444p"  # the former halves both sides
+        self._stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else h264
         self._first_s: float | None = None
         self._last = -1
 

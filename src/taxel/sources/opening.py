@@ -157,6 +157,8 @@ def _split(url: str) -> tuple[str, str, dict[str, str]]:
             return "replay", url, {}
         scheme, rest = "replay", url
     name, _, query = rest.partition("?")
+    if scheme == "replay" and Path(rest).exists():  # a name may hold a question mark
+        name, query = rest, ""
     folder = scheme == "replay" and Path(name).is_dir()
     if scheme not in SCHEMES or not name or not (found or name.endswith(".mcap") or folder):
         known = ", ".join(f"{scheme}://" for scheme in SCHEMES)

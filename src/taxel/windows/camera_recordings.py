@@ -164,6 +164,25 @@ def image_size(pours: Sequence[CameraRecording]) -> tuple[int, int]:
     return size
 
 
+def check_order(pours: Sequence[CameraRecording]) -> None:
+    """Refuse recordings of the same cameras in another order: heads know them by their place.
+
+    Raises:
+        BadDataset: There are some.
+    """
+    orders = {tuple(camera.name for camera in pour.cameras): pour.path for pour in reversed(pours)}
+    known: dict[tuple[str, ...], tuple[str, ...]] = {}
+    for order in orders:
+        other = known.setdefault(tuple(sorted(order)), order)
+        if other != order:
+            raise BadDataset(
+                "cameras in one order in all recordings",
+                f"{', '.join(order)} in {orders[order].name} and {', '.join(other)} in "
+                f"{orders[other].name}",
+                "record or import them anew in one order",
+            )  # fmt: skip
+
+
 def frame_sets(path: Path, cameras: int) -> Iterator[FrameSet]:
     """Yield sets of a recording's tactile frames, oldest first, in constant memory."""
     return join_frames(iterate_tactile(path), cameras)

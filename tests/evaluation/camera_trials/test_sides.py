@@ -4,15 +4,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from trial_makers import write_trials
 
-from taxel.errors import BadSplit, BadTable
+from taxel.cli.options.trials import TrialOptions
+from taxel.errors import BadDataset, BadSplit, BadTable
 from taxel.evaluation.camera_trials.sides import (
     shared_values,
     split_by_table,
     split_trials,
     trials_to_score,
 )
+from taxel.evaluation.camera_trials.trial_set import load_trial_set
 from taxel.evaluation.fold_table import read_fold_table
+from taxel.windows.camera_trials import read_camera_trials
 
 GROUPS = [{"object": f"o{i // 4}", "file": f"{i}.avi"} for i in range(16)]
 Y = np.arange(16) % 2
@@ -102,3 +106,22 @@ def test_a_trial_that_a_table_tests_twice_is_refused(tmp_path: Path) -> None:
 
     with pytest.raises(BadSplit, match=r"t8 in 2 of folds\.csv"):
         split_by_table([f"t{i}" for i in range(16)], GROUPS, Y, table)
+
+
+def test_trials_of_unlike_rates_are_refused_and_twins_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A crop is so many frames: at other rates another time. Twins across a split are a leak."""
+    table = write_trials(tmp_path, objects=2, each=2, frames=12)
+    head, *lines = table.read_text().splitlines()
+    rates = (25, 25, 25, 10)
+    table.write_text("\n".join([f"{head},rate", *(f"{line},{rate}" for line, rate in
+                                                  zip(lines, rates, strict=True))]))  # fmt: skip
+    with pytest.raises(BadDataset, match=r"10 frames/s in 0004.* and 25 in 0001"):
+        load_trial_set(read_camera_trials(table), None, tmp_path / "cache")
+    table.write_text("\n".join([head, *lines, lines[1].replace("o1", "o9"), lines[2]]))
+    TrialOptions()._read(table)
+    said = capsys.readouterr().err
+    assert "warning: the same images in 0002-" in said
+    assert "and 0005-" in said
+    assert "and in 1 more such sets: where a split parts them" in said

@@ -60,6 +60,10 @@ class EvaluateTrials:
         if self.trials.is_file() and is_trial_bundle(self.trials):
             self._score_bundle()
             return
+        if self.data is not None and kind_of(self.trials) == "grasp":
+            watch = command("taxel", "live", self.trials, "replay://RECORDING.mcap")
+            raise BadInput("a bundle of camera trials", f"{self.trials}, which watches a grasp",
+                           f"replay a recording: {watch}; or see taxel sweep")  # fmt: skip
         if self.data is not None and kind_of(self.trials):
             other = command("taxel", "evaluate", self.trials, self.data)
             raise BadInput("a bundle of camera trials", f"{self.trials}, a bundle of another kind",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from taxel.cli.long_work import LongWork
 from taxel.cli.options.rules import Only
+from taxel.cli.printing import say_aside
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
@@ -81,6 +82,12 @@ class TrialOptions:
         from taxel.windows.camera_trials import read_camera_trials
 
         found = read_camera_trials(data)
+        if same := [names for names in _alike(found).values() if len(names) > 1]:
+            say_aside(
+                f"warning: the same images in {' and '.join(same[0])}"
+                f"{f', and in {len(same) - 1} more such sets' if same[1:] else ''}: where a split "
+                "parts them, what is tested was learned from"
+            )
         if self.test is None:
             return found
         others = read_camera_trials(self.test)
@@ -106,6 +113,14 @@ class TrialOptions:
         return split_trials(
             trials.groups, trials.y, self.split, self.fold_count, self.seed, trials.classes
         )
+
+
+def _alike(trials: list[CameraTrial]) -> dict[str, list[str]]:
+    """Return the names of the trials that hold each set of images, by its digest."""
+    found: dict[str, list[str]] = {}
+    for trial in trials:
+        found.setdefault(trial.digest, []).append(trial.name)
+    return found
 
 
 FOLDS_IN_TURN = Only(

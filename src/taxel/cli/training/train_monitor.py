@@ -32,6 +32,7 @@ from taxel.held import only_writer
 if TYPE_CHECKING:
     from taxel.bundles.grasp import GraspContract
     from taxel.evaluation.early_warning.learn_monitor import LearntMonitor
+    from taxel.windows.camera_recordings import CameraRecording
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,9 +97,13 @@ class TrainMonitor:
         contract, parity = write_monitor(
             self.output, learnt, pours, features, self.features, backbone
         )
-        self._print(contract, parity, learnt)
+        self._print(contract, parity, learnt, pours.pours[0])
 
-    def _print(self, contract: GraspContract, parity: float, learnt: LearntMonitor) -> None:
+    def _print(
+        self, contract: GraspContract, parity: float, learnt: LearntMonitor, first: CameraRecording
+    ) -> None:
+        from taxel.sim.pour.state import has_truth
+
         measured = dict(contract.measured)
         if self.json:
             from taxel.training.curves import curves_to_json
@@ -114,5 +119,6 @@ class TrainMonitor:
         )
         if measured:
             say("on cups held out: " + ", ".join(f"{k} {v:.3g}" for k, v in measured.items()))
-        watch = command("taxel", "live", self.output, "sim://cup-pour", "--seconds", "20")
-        say(f"next: {watch}")
+        simulated = has_truth(first.sensor.channels)
+        source = ["sim://cup-pour", "--seconds", "20"] if simulated else [f"replay://{first.path}"]
+        say(f"next: {command('taxel', 'live', self.output, *source)}")

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.bundles.contract import RATE_RANGE
 from taxel.errors import BadDataset
 from taxel.labels.class_order import in_order
 from taxel.training.camera_trials.features import TrialRows, further_crops, trial_rows
@@ -85,7 +86,8 @@ def load_trial_set(
         on_trial: Called with the pass over the trials, trials done and in all.
 
     Raises:
-        BadDataset: A trial lacks the label, there is one class only, or cameras differ in size.
+        BadDataset: A trial lacks the label, there is one class only, or cameras differ in size or
+            rate.
         BadInput: The crop does not fit.
     """
     target = target or _only_label(trials)
@@ -102,6 +104,14 @@ def load_trial_set(
         raise BadDataset("images of one size in all trials",
                          " and ".join(f"{w}×{h}" for w, h in sorted(sizes)[:3]),
                          "make a table of each size")  # fmt: skip
+    moving = [trial for trial in trials if trial.frames > 1] or trials  # an image has no rate
+    least, most = (chosen(moving, key=lambda trial: trial.rate_hz) for chosen in (min, max))
+    if most.rate_hz > least.rate_hz * RATE_RANGE[1]:
+        raise BadDataset(
+            f"trials of about one rate, within a factor of {RATE_RANGE[1]:g}",
+            f"{least.rate_hz:g} frames/s in {least.name} and {most.rate_hz:g} in {most.name}",
+            "correct the table's column rate, or make a table of each rate",
+        )  # fmt: skip
     labels = [trial.labels[target] for trial in trials]
     classes = in_order(set(labels))
     if len(classes) < 2:

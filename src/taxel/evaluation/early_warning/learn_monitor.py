@@ -177,6 +177,7 @@ def _contract(
         data_digest=digest,
         measured=_measured(learnt),
         software=f"taxel {__version__}",
+        names=tuple(own.name for own in data.pours[0].cameras),
     )
 
 

@@ -21,7 +21,11 @@ from taxel.sim.pour.state import TRUTH_CHANNELS, has_truth
 from taxel.training.frames.features import Extractor, FrameFeatures, Progress, extract
 from taxel.training.frames.heads import HeadConfig, TrainedHead, fit_head, tracks_of
 from taxel.training.frames.labels import change_signals, frame_labels, truth_of
-from taxel.windows.camera_recordings import CameraRecording, read_camera_recordings
+from taxel.windows.camera_recordings import (
+    CameraRecording,
+    check_order,
+    read_camera_recordings,
+)
 from taxel.windows.sequence import label_windows
 
 DIFFERENCE = "difference to first frames"
@@ -84,8 +88,8 @@ def load_camera_set(
 
     Raises:
         BadRecording: A recording is damaged.
-        BadDataset: There are none with cameras, one has another number of cameras than two,
-            or lacks the truth that the rule needs.
+        BadDataset: There are none with cameras, one has another number of cameras than two, or
+            the same in another order, or lacks the truth that the rule needs.
     """
     pours = read_camera_recordings(path)
     for pour in pours:
@@ -95,6 +99,7 @@ def load_camera_set(
                 f"{len(pour.cameras)} in {pour.path.name}",
                 "record both, or import with the columns left and right",
             )
+    check_order(pours)
     signals = change_signals(pours, cache, on_progress=on_progress)
     labels = frame_labels(pours, rule, signals)
     return CameraSet(pours=tuple(pours), rule=rule, labels=tuple(labels), signals=tuple(signals))

@@ -12,6 +12,8 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Iterator, Sequence
+from decimal import Decimal
+from itertools import pairwise
 from pathlib import Path
 from typing import TypeVar
 
@@ -58,6 +60,10 @@ def open_footage(path: Path) -> Footage:
     return Video(path)
 
 
+_DECIMAL = re.compile(r"(.*?)(\d+\.\d+)")
+"""A stem that ends in a decimal, as of images named by their moments."""
+
+
 class Video:
     """An open video file that knows whether it is whole."""
 
@@ -93,16 +99,23 @@ class Video:
         """Yield the frames, shape (height, width, 3), red first.
 
         Raises:
-            BadTable: There are fewer than the file says, or one has another size.
+            BadTable: There are fewer or more than the file says, or one has another size.
         """
         for number in range(self.count):
             read, bgr = self._capture.read()
             if not read:
                 raise BadTable(
                     f"the {self.count} frames that {self.path} says it has",
-                    f"{number}: it is cut short", "copy it again, or cut it at a whole frame",
+                    f"{number}: it is cut short, or its rate varies",
+                    "copy it again; if it plays to its end, write it anew at one rate: "
+                    "ffmpeg -i VIDEO -r RATE NEW",
                 )  # fmt: skip
             _same_size(self, bgr)
+            if number == self.count - 1 and self._capture.grab():
+                raise BadTable(
+                    f"the {self.count} frames that {self.path} says it has", "more",
+                    "write it anew at one rate: ffmpeg -i VIDEO -r RATE NEW",
+                )  # fmt: skip
             yield np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
 
     def frames_at(self, numbers: Sequence[int]) -> Iterator[NDArray[np.uint8]]:
@@ -142,6 +155,7 @@ class Images:
             ),
             key=_in_order,
         )
+        _refuse_unclear(self._files)
         if not self._files:
             raise BadTable(
                 f"images ({', '.join(IMAGES)}) in the folder of a camera", f"none in {path}",
@@ -206,6 +220,31 @@ def _in_order(file: Path) -> list[tuple[int, int, str]]:
         (1, int(part[:18]), part) if part.isdecimal() else (0, 0, part)
         for part in re.split(r"(\d+)", file.name)
     ]
+
+
+def _refuse_unclear(files: Sequence[Path]) -> None:
+    """Refuse images whose order their names leave open.
+
+    Raises:
+        BadTable: Two differ in their ending alone, or decimals would stand in another order.
+    """
+    stems = {file.stem: file.name for file in files}
+    if len(stems) < len(files):
+        double = next(file for file in files if stems[file.stem] != file.name)
+        raise BadTable(
+            "one image a frame", f"{double.name} and {stems[double.stem]} in {double.parent}",
+            "leave one of the endings out",
+        )  # fmt: skip
+    moments = [_DECIMAL.fullmatch(file.stem) for file in files]
+    for before, after in pairwise(moments):
+        if before is None or after is None or before[1] != after[1]:
+            continue
+        if Decimal(before[2]) > Decimal(after[2]):
+            raise BadTable(
+                "names in whose order nothing is open", f"{before[0]} and {after[0]} in "
+                f"{files[0].parent}: decimals, or numbers that follow each other",
+                "write as many digits behind each point, or number the images",
+            )  # fmt: skip
 
 
 def _bytes_of(file: Path) -> bytes:

@@ -33,7 +33,10 @@ def file_of(cell: str, data_dir: Path, where: str, *, outside: bool = False) -> 
         raise BadTable("a file's name", f"{cell!r} in {where}", "correct it") from error
     if not inside:
         got = f"{cell!r} in {where}, which lies outside"
-        mend = "name a folder that holds all files with --data, or allow it with --allow-outside"
+        mend = (
+            "put the table into a folder that holds all files; taxel import also takes such a "
+            "folder with --data, or allows it with --allow-outside"
+        )
         if link := _link_out(cell, data_dir):
             got += f", as {link!r} is a link that leads there"
             mend = (

@@ -136,7 +136,8 @@ def _check_columns(table: Path, columns: Sequence[str]) -> None:
             f"{', '.join(map(repr, odd)) or 'no column left or camera:NAME'} in {table}",
             "mend the table's first line",
         )
-    if len(set(columns)) < len(columns):
+    cameras = [column.removeprefix(_CAMERA) for column in columns if _is_camera(column)]
+    if len(set(columns)) < len(columns) or len(set(cameras)) < len(cameras):
         raise BadTable(
             "each column once", f"{', '.join(columns)} in {table}", "mend the table's first line"
         )

@@ -26,7 +26,8 @@ from taxel.cli.options.cameras import (
 )
 from taxel.cli.options.rules import Only
 from taxel.cli.printing import command, console, print_json, progress, say
-from taxel.errors import BadInput
+from taxel.errors import BadDataset, BadInput
+from taxel.sim.pour.state import has_truth
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -96,9 +97,10 @@ class GraspWarnings:
         from taxel.evaluation.transitions.data import trivial_features
 
         names = backbone_names(self.features, "--features")
-        pours = load_set(self.labels, data, bar)
+        pours = _with_truth(load_set(self.labels, data, bar))
         if self.test is not None:
-            pours, folds = split_by_folder(pours, load_set(self.labels, self.test, bar))
+            others = _with_truth(load_set(self.labels, self.test, bar))
+            pours, folds = split_by_folder(pours, others)
         else:
             folds = folds_within(pours)
         results = []
@@ -121,6 +123,23 @@ class GraspWarnings:
                 )
             )  # fmt: skip
         return pours, results
+
+
+def _with_truth(pours: CameraSet) -> CameraSet:
+    """Return pours whose true slip is known: warnings are measured against it, whatever the rule.
+
+    Raises:
+        BadDataset: Of one it is not.
+    """
+    for pour in pours.pours:
+        if not has_truth(pour.sensor.channels):
+            raise BadDataset(
+                "simulated pours, whose true slip this study measures warnings against",
+                f"{pour.path} without it",
+                "make some with: taxel simulate cup-pour; what a monitor of your own recordings "
+                "is worth says taxel train-monitor",
+            )  # fmt: skip
+    return pours
 
 
 def _plain(result: Any) -> dict[str, Any]:
