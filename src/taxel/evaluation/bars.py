@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.models.library import TREES, Estimator, ExtraTrees, MiniRocketRidge, summary_statistics
+from taxel.models.tiny_values import enlarged, enlarging
 
 Table = Callable[[NDArray[np.float32], NDArray[np.bool_]], NDArray[np.float32]]
 
@@ -30,12 +31,15 @@ class OnTable:
     def fit(
         self, values: NDArray[np.float32], mask: NDArray[np.bool_], y: NDArray[np.intp]
     ) -> None:
-        self._model.fit(self._table(values, mask), y)
+        features = self._table(values, mask)
+        self._factors = enlarging(features)
+        self._model.fit(enlarged(features, self._factors), y)
 
     def predict_proba(
         self, values: NDArray[np.float32], mask: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
-        return np.asarray(self._model.predict_proba(self._table(values, mask)))
+        features = enlarged(self._table(values, mask), self._factors)
+        return np.asarray(self._model.predict_proba(features))
 
 
 def channel_means(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -14,6 +14,7 @@ from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.preprocessing import OneHotEncoder
 
 from taxel.evaluation.splits import Fold
+from taxel.models.tiny_values import enlarged, enlarging
 from taxel.windows.dataset import Dataset
 
 _TREES = 20
@@ -126,4 +127,6 @@ def _trees(
     train: NDArray[np.float32], y: NDArray[np.intp], test: NDArray[np.float32]
 ) -> NDArray[np.intp]:
     trees = ExtraTreesClassifier(_TREES, min_samples_leaf=_LEAF, random_state=0, n_jobs=1)
-    return np.asarray(trees.fit(train, y).predict(test), np.intp)
+    factors = enlarging(train)
+    trees.fit(enlarged(train, factors), y)
+    return np.asarray(trees.predict(enlarged(test, factors)), np.intp)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import MissingExtra
+from taxel.models.tiny_values import enlarged, enlarging
 
 MINIROCKET_KERNELS = 840
 """Random convolution features. Source: our choice (ten times the 84 base kernels of
@@ -86,12 +87,15 @@ class ExtraTrees:
     def fit(
         self, values: NDArray[np.float32], mask: NDArray[np.bool_], y: NDArray[np.intp]
     ) -> None:
-        self._trees.fit(summary_statistics(values, mask), y)
+        features = summary_statistics(values, mask)
+        self._factors = enlarging(features)
+        self._trees.fit(enlarged(features, self._factors), y)
 
     def predict_proba(
         self, values: NDArray[np.float32], mask: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
-        return np.asarray(self._trees.predict_proba(summary_statistics(values, mask)))
+        features = enlarged(summary_statistics(values, mask), self._factors)
+        return np.asarray(self._trees.predict_proba(features))
 
 
 def summary_statistics(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:

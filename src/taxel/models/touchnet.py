@@ -71,10 +71,11 @@ class TouchNet(nn.Module):
         overall = (apart.square().sum((0, 1)) / present.sum((0, 1))).sqrt()
         both = present[:, self._lag :] & present[:, : -self._lag]
         step = (values[:, self._lag :] - values[:, : -self._lag]).abs() * both
+        least = min(1e-6, 1e-3 * float(overall.max())) or 1e-6  # signals may be as small
         self.level = mean[:, 0].median(0).values
-        self.wander = (mean[:, 0] - self.level).abs().mean(0) + 1e-6
-        self.scale = deviation.median(0).values + 0.05 * overall + 1e-6
-        self.change = step.sum((0, 1)) / both.sum().clamp(min=1) + 1e-6
+        self.wander = (mean[:, 0] - self.level).abs().mean(0) + least
+        self.scale = deviation.median(0).values + 0.05 * overall + least
+        self.change = step.sum((0, 1)) / both.sum().clamp(min=1) + least
 
     def forward(self, values: Tensor, mask: Tensor) -> Tensor:
         """Return logits, shape (n, classes).

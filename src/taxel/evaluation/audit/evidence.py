@@ -21,6 +21,8 @@ from scipy.stats import norm
 from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
 
+from taxel.models.tiny_values import enlarged, enlarging
+
 TREES = 50
 FOLDS = 5
 DRAWS = 4999
@@ -104,9 +106,11 @@ def predict(
     for train, test in folds:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", _MANY_CLASSES, UserWarning)
-            model = trees(seed).fit(features[train], y[train])
+            factors = enlarging(features[train])
+            model = trees(seed).fit(enlarged(features[train], factors), y[train])
         found[test] = 0.0
-        found[np.ix_(test, model.classes_)] = model.predict_proba(features[test])
+        told = model.predict_proba(enlarged(features[test], factors))
+        found[np.ix_(test, model.classes_)] = told
     return found
 
 
