@@ -114,6 +114,9 @@ def test_where_nothing_can_be_held_out_the_finest_groups_say_why() -> None:
     )
     with pytest.raises(BadSplit, match=message):
         usual_split(replace(dataset, trials=tuple(trials)), "shape", 5, 0)
+    figures = [replace(trial, labels={"shape": f"{n / 7}"}) for n, trial in enumerate(trials)]
+    with pytest.raises(BadSplit, match=r"of every class .*'shape' looks like a measured figure"):
+        usual_split(replace(dataset, trials=tuple(figures)), "shape", 5, 0)
 
 
 def test_a_class_whose_other_trials_gave_no_window_is_not_said_to_lack_trials() -> None:

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from taxel.labels.class_order import figures_as_classes
+from taxel.decisions.recognition import UNKNOWN
+from taxel.errors import BadDataset
+from taxel.labels.class_order import RESERVED, figures_as_classes, refuse_reserved
 from taxel.labels.trials import (
     Trial,
     coarsest_group,
@@ -15,6 +17,7 @@ from taxel.labels.trials import (
 )
 from taxel.recordings.manifest import Manifest
 from taxel.signals import Mark, SensorInfo
+from taxel.windows.checks import check_classes
 
 MANIFEST = Manifest(
     sensor=SensorInfo(name="t", channels=("a",), units=("V",), rate_hz=100.0),
@@ -119,6 +122,18 @@ def test_a_label_of_measured_figures_is_named_as_such():
     assert figures_as_classes([f"k{n}" for n in range(90)], "name") is None
     assert figures_as_classes([str(n) for n in range(10)] * 3, "digit") is None
     assert figures_as_classes(["1", "2", "3"], "grip") is None
+
+
+def test_what_stands_for_no_answer_is_no_class():
+    """Else it could not be told whether a model names the class, or nothing."""
+    refuse_reserved(("cup", "unknown", "UNKNOWN 2"), "object")
+    with pytest.raises(BadDataset, match=r"classes of 'object'.*got UNKNOWN, which stands for no"):
+        refuse_reserved(("cup", RESERVED), "object")
+    assert RESERVED == UNKNOWN
+    trials = [Trial(recording="a.mcap", start_s=0.0, end_s=1.0, labels={"object": name}, groups={})
+              for name in ("cup", "UNKNOWN")]  # fmt: skip
+    with pytest.raises(BadDataset, match="stands for no answer"):
+        check_classes(trials, "object")
 
 
 def test_a_moment_belongs_to_the_stretch_that_holds_it_though_its_neighbour_is_near():

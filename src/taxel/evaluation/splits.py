@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
 from taxel.evaluation.first_share import first_share, group_numbers
+from taxel.labels.class_order import figures_as_classes
 from taxel.windows.checks import MORE_WINDOWS, no_window
 from taxel.windows.dataset import Dataset, with_joined_label
 
@@ -190,7 +191,10 @@ def by_group(
                 f"at least two trials of every class of {target!r}, to learn from and to test",
                 f"one of {name!r} ({alone.recording}, from {alone.start_s:.1f} s)"
                 + (f": {no_window(unseen, 'its other trials')}" if unseen else ""),
-                MORE_WINDOWS if unseen else f"record {name!r} again, or leave that trial out",
+                MORE_WINDOWS
+                if unseen
+                else figures_as_classes(classes, target)
+                or f"record {name!r} again, or leave that trial out",
             )
         if len(own) < 2:
             raise BadSplit(

@@ -8,6 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
+from taxel.errors import BadDataset
+
+RESERVED = "UNKNOWN"
+"""What stands for no answer, and so is no class's name. Source: our choice, docs/decisions/0040."""
 _FEWEST_FIGURES = 10
 """Fewer numbers are classes even where each has a single trial or two, and so is a label with
 under half as many values as trials. Source: our choice, docs/decisions/0040."""
@@ -23,6 +27,20 @@ def in_order(classes: Iterable[str]) -> tuple[str, ...]:
     if not all(map(math.isfinite, values.values())):
         return tuple(names)
     return tuple(sorted(names, key=lambda name: (values[name], name)))
+
+
+def refuse_reserved(classes: Iterable[str], target: str) -> None:
+    """Refuse a class to learn whose name stands for no answer.
+
+    Raises:
+        BadDataset: There is one.
+    """
+    if RESERVED in classes:
+        raise BadDataset(
+            f"classes of {target!r} with names of their own",
+            f"{RESERVED}, which stands for no answer",
+            "give it another name in the table, such as other, and import again",
+        )
 
 
 def figures_as_classes(labels: Sequence[str], target: str) -> str | None:

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from taxel.errors import BadDataset
+from taxel.labels.class_order import refuse_reserved
 from taxel.labels.trials import Trial
 from taxel.signals import SensorInfo
 from taxel.windows.config import MOST_RATE_CHANGE, SLOW_GRID, WindowConfig
@@ -113,9 +114,10 @@ def check_classes(trials: Sequence[Trial], target: str, empty: Sequence[Trial] =
         empty: Trials that gave no window: they are not counted, and not hidden either.
 
     Raises:
-        BadDataset: So it is.
+        BadDataset: So it is, or a class has the name that stands for no answer.
     """
     classes = {trial.labels[target] for trial in trials}
+    refuse_reserved(classes, target)
     if len(classes) >= 2:
         return
     lost = [trial for trial in empty if trial.labels.get(target, *classes) not in classes]

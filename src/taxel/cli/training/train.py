@@ -124,6 +124,7 @@ class Train:
             ExpertOptions(
                 data=self.data, output=self.output, target=self.recipe.target, split=self.split,
                 folds=self.folds, test=self.test, fold_count=self.fold_count,
+                usual_folds=type(self).fold_count,
                 minutes=self.minutes, max_mb=self.max_mb, max_us=self.max_us, like=self.like,
                 reject_novel=self.reject_novel,
                 check=self.check, seed=self.recipe.checked_seed(), json=self.json,

@@ -31,6 +31,8 @@ class ExpertOptions:
     folds: Path | None
     test: Path | None
     fold_count: int
+    usual_folds: int
+    """How many there are where nobody says it."""
     minutes: float
     max_mb: float
     max_us: float
@@ -89,7 +91,20 @@ def train_default(options: ExpertOptions) -> None:
         f"{visible_names(expert.run.contract.classes)}"
     )
     say(f"next: {command('taxel', 'bundle', output, '--output', f'{output}.taxel')}")
-    say(f"same again: {command('taxel', 'train', options.data, '--like', output / CHOICE)}")
+    say(f"same again: {command(*_same_again(options, output / CHOICE))}")
+
+
+def _same_again(options: ExpertOptions, choice: Path) -> list[object]:
+    """Return the words that train by the choice and measure as this did."""
+    words: list[object] = ["taxel", "train", options.data, "--like", choice]
+    for name in ("split", "folds", "test"):
+        if (given := getattr(options, name)) is not None:
+            words += [f"--{name}", given]
+    if options.fold_count != options.usual_folds:
+        words += ["--fold-count", options.fold_count]
+    if options.seed:
+        words += ["--seed", options.seed]
+    return words if options.check else [*words, "--no-check"]
 
 
 def outer_split(options: ExpertOptions) -> OuterSplit:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import RATE_RANGE
 from taxel.errors import BadDataset
-from taxel.labels.class_order import in_order
+from taxel.labels.class_order import in_order, refuse_reserved
 from taxel.training.camera_trials.features import TrialRows, further_crops, trial_rows
 from taxel.training.camera_trials.learning import Crops, Learning
 from taxel.windows.camera_trials import CameraTrial
@@ -114,6 +114,7 @@ def load_trial_set(
         )  # fmt: skip
     labels = [trial.labels[target] for trial in trials]
     classes = in_order(set(labels))
+    refuse_reserved(classes, target)
     if len(classes) < 2:
         raise BadDataset(f"two or more classes of {target!r}", f"only {classes[0]!r}",
                          "record others too, or name another label with --target")  # fmt: skip

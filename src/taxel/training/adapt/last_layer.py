@@ -161,8 +161,9 @@ def exemplars_of(run: Run) -> Exemplars:
     """
     if run.exemplars is None or not len(run.exemplars):
         raise BadInput(
-            "a run with exemplars to rehearse by", "one of an older version, without",
-            "train it again with: taxel train",
+            "a run with exemplars to rehearse by",
+            "one without: it is older, or taxel train chose its model by a search",
+            "train one that keeps them: taxel train RECORDINGS --recipe NAME",
         )  # fmt: skip
     return run.exemplars
 

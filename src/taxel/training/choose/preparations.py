@@ -338,17 +338,23 @@ def prepare_all(base: Base) -> list[Prepared]:
     windows = candidate_windows(base)
     span = max(config.steps for config in windows)
     found, refused = [], None
+    lost: set[int] = set()
     for config in windows:
         try:
             prepared = prepare(base, config, span)
         except BadDataset as error:
             refused = error
             continue
-        if len(set(base.y[prepared.trial])) == len(set(base.y)):
+        lost = set(base.y.tolist()) - set(base.y[prepared.trial].tolist())
+        if not lost:
             found.append(prepared)
     if not found:
+        names = base.dataset.classes(base.target)
         raise refused or BadDataset(
-            "windows of every class", "classes without any", "record longer trials of them"
+            f"windows of every class of {base.target!r}",
+            f"none of {', '.join(names[number] for number in sorted(lost))}",
+            "record longer trials of it, or, if values are missing there, see them with taxel info "
+            "and import what is whole",
         )
     return found
 
