@@ -1,5 +1,6 @@
 """Recordings before they are cut: what is held out by default, and how long trials are."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -203,6 +204,17 @@ def test_shorter_trials_that_are_only_tested_are_padded(tmp_path: Path):
     (window,) = candidate_windows(load_base(train, "kind", test=test))
 
     assert (window.steps, window.pad) == (60, True)
+
+
+def test_where_all_trials_are_as_long_it_is_said_that_shorter_ones_get_no_answer(tmp_path: Path):
+    base = load_base(array_files(tmp_path / "like", [60] * 8), "kind")
+    (window,) = candidate_windows(base)
+    assert live_note(base, window)[0].startswith("a trial of fewer than 60 rows gets no answer")
+    assert not live_note(base, replace(window, steps=25, stride=25))
+
+    varied = load_base(array_files(tmp_path / "varied", [60, 60, 60, 60, 40, 50]), "kind")
+    (window,) = candidate_windows(varied)
+    assert "is decided where its recording ends" in live_note(varied, window)[0]
 
 
 def test_a_trial_in_no_row_of_which_every_channel_has_a_value_stops_nothing(tmp_path: Path):

@@ -269,10 +269,16 @@ def live_note(base: Base, config: WindowConfig) -> tuple[str, ...]:
     """
     if config.gate is not None or config.steps == 1:
         return ()
-    if base.alone:
-        return () if not config.pad else (
+    if base.alone and config.pad:
+        return (
             f"a trial of fewer than {config.steps} rows is decided where its recording ends: live, "
             "where scans stop",
+        )
+    if base.alone:
+        whole = config.steps >= int(base.rows[base.own].max())
+        return () if not whole else (
+            f"a trial of fewer than {config.steps} rows gets no answer, since none of those to "
+            "learn from is so short: record some that are",
         )  # fmt: skip
     room = np.clip((base.rows - config.steps + 1) / config.stride, 0.0, 1.0)
     decided = int(room.sum() + 0.5)
