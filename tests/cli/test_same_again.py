@@ -24,4 +24,5 @@ def test_the_split_the_folds_and_the_seed_are_named_again():
     )
     assert said(folds=Path("f.csv")).endswith("--folds f.csv")
     assert said(test=Path("t"), target="shape", max_us=9.0).endswith("expert.json --test t")
+    assert said(reject_novel=0.05).endswith("expert.json --reject-novel 0.05")
     assert said(check=False).endswith("expert.json --no-check")

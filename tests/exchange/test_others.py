@@ -128,3 +128,23 @@ def test_cameras_of_odd_sizes_and_like_names_have_a_video_each(tmp_path, codec, 
             images = [frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)]
         assert [image.shape for image in images] == [(25, 33, 3)] * 12
         assert abs(int(images[5].mean()) - level) <= 2
+
+
+def test_a_video_of_a_camera_that_runs_fast_is_read_to_its_last_frame(tmp_path):
+    """Matroska says how long it lasts, not how many frames it holds."""
+    pytest.importorskip("av", reason="av is not installed (taxel[export])")
+    from taxel.exchange.video_files import write_videos
+    from taxel.recordings.imports.footage import Video
+
+    camera = CameraInfo(name="left", width=32, height=24, rate_hz=25.0)
+    with Recorder(tmp_path / "a.mcap", Manifest(sensor=NO_ARRAY, cameras=(camera,))) as recorder:
+        for number in range(60):
+            image = np.full((24, 32, 3), 40 + 3 * number, np.uint8)
+            recorder.frame(Frame(camera=0, jpeg=encode_jpeg(image), counter=number,
+                                 device_s=float("nan"), arrival_s=number / 27,
+                                 fitted_s=number / 27))  # fmt: skip
+    write_videos([tmp_path / "a.mcap"], tmp_path / "v")
+    video = Video(tmp_path / "v" / "a.left.mkv")
+    levels = [float(image.mean()) for image in video.frames()]
+    np.testing.assert_allclose(levels, 40 + 3 * np.arange(60), atol=2)
+    assert video.count == 60

@@ -82,3 +82,15 @@ def test_touchnet_sees_tiny_values_as_any_others():
         with torch.inference_mode():
             answers.append(network(rows[0] * unit, rows[1]))
     torch.testing.assert_close(answers[0], answers[1], atol=1e-3, rtol=1e-3)
+
+
+def test_touchnet_sees_a_tiny_channel_beside_a_usual_one():
+    values, mask = signals()
+    units = torch.tensor([1.0, UNIT])
+    usual, mixed = TouchNet(8, 2, 3), TouchNet(8, 2, 3)
+    usual.prepare(torch.from_numpy(values), torch.from_numpy(mask))
+    mixed.prepare(torch.from_numpy(values) * units, torch.from_numpy(mask))
+    for name in ("wander", "scale", "change"):
+        torch.testing.assert_close(
+            getattr(mixed, name) / units, getattr(usual, name), atol=0.0, rtol=0.01
+        )

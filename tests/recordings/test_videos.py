@@ -205,9 +205,13 @@ def test_images_whose_order_their_names_leave_open_are_refused(tmp_path: Path) -
     """Decimals of unlike length: in the order of numbers, 1.5 would come before 1.25."""
     with pytest.raises(BadTable, match=r"got 1\.5 and 1\.25 in .*open: decimals"):
         open_footage(stills(tmp_path / "open", "1.25.png", "1.5.png", "1.75.png"))
+    with pytest.raises(BadTable, match=r"got 1\.5 and 1\.50 in"):
+        open_footage(stills(tmp_path / "same", "1.5.png", "1.50.png"))
     with pytest.raises(BadTable, match=r"one image a frame; got 1\.(jpg|png) and 1\.(jpg|png)"):
         open_footage(stills(tmp_path / "twice", "1.png", "1.jpg", "2.png"))
     for number, names in enumerate([("1.250.png", "1.500.png", "2.000.png"),
                                     ("a1.png", "a2.png", "a10.png"),
+                                    tuple(f"trial1.{n}.png" for n in range(1, 13)),
+                                    ("12.30.9.png", "12.30.10.png", "12.31.0.png"),
                                     ("t0.5.png", "t0.25.5.png")]):  # fmt: skip
         assert open_footage(stills(tmp_path / f"{number}", *names)).count == len(names)

@@ -71,7 +71,8 @@ class TouchNet(nn.Module):
         overall = (apart.square().sum((0, 1)) / present.sum((0, 1))).sqrt()
         both = present[:, self._lag :] & present[:, : -self._lag]
         step = (values[:, self._lag :] - values[:, : -self._lag]).abs() * both
-        least = min(1e-6, 1e-3 * float(overall.max())) or 1e-6  # signals may be as small
+        least = (1e-3 * overall).clamp(max=1e-6)  # of a channel: signals may be as small
+        least = torch.where(least > 0, least, torch.full_like(least, 1e-6))
         self.level = mean[:, 0].median(0).values
         self.wander = (mean[:, 0] - self.level).abs().mean(0) + least
         self.scale = deviation.median(0).values + 0.05 * overall + least

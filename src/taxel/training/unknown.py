@@ -153,7 +153,8 @@ def _fit(
     means = np.array([row.mean(axis=0) for row in rows])
     level = np.median(means, axis=0)
     wander = np.abs(means - level).mean(axis=0)
-    wander = wander + (min(1e-9, 1e-6 * float(wander.max())) or 1e-9)  # signals may be as small
+    least = np.minimum(1e-9, 1e-6 * wander)  # signals may be as small
+    wander = wander + np.where(least > 0, least, 1e-9)
     variance = np.median([row.var(axis=0) for row in rows], axis=0) / wander**2
     changes = [np.abs(row[lag:] - row[:-lag]).mean(axis=0) for row in rows if len(row) > lag]
     change = np.median(changes, axis=0) / wander if changes else np.zeros_like(wander)

@@ -102,6 +102,8 @@ def _same_again(options: ExpertOptions, choice: Path) -> list[object]:
             words += [f"--{name}", given]
     if options.fold_count != options.usual_folds:
         words += ["--fold-count", options.fold_count]
+    if options.reject_novel is not None:
+        words += ["--reject-novel", options.reject_novel]
     if options.seed:
         words += ["--seed", options.seed]
     return words if options.check else [*words, "--no-check"]

@@ -104,14 +104,6 @@ def load_trial_set(
         raise BadDataset("images of one size in all trials",
                          " and ".join(f"{w}×{h}" for w, h in sorted(sizes)[:3]),
                          "make a table of each size")  # fmt: skip
-    moving = [trial for trial in trials if trial.frames > 1] or trials  # an image has no rate
-    least, most = (chosen(moving, key=lambda trial: trial.rate_hz) for chosen in (min, max))
-    if most.rate_hz > least.rate_hz * RATE_RANGE[1]:
-        raise BadDataset(
-            f"trials of about one rate, within a factor of {RATE_RANGE[1]:g}",
-            f"{least.rate_hz:g} frames/s in {least.name} and {most.rate_hz:g} in {most.name}",
-            "correct the table's column rate, or make a table of each rate",
-        )  # fmt: skip
     labels = [trial.labels[target] for trial in trials]
     classes = in_order(set(labels))
     refuse_reserved(classes, target)
@@ -120,6 +112,13 @@ def load_trial_set(
                          "record others too, or name another label with --target")  # fmt: skip
     lengths = [trial.frames for trial in trials]
     layout = choose_layout(lengths, crop)
+    least, most = (chosen(trials, key=lambda trial: trial.rate_hz) for chosen in (min, max))
+    if layout.crop > 1 and most.rate_hz > least.rate_hz * RATE_RANGE[1]:  # images have no rate
+        raise BadDataset(
+            f"trials of about one rate, within a factor of {RATE_RANGE[1]:g}",
+            f"{least.rate_hz:g} frames/s in {least.name} and {most.rate_hz:g} in {most.name}",
+            "correct the table's column rate, or make a table of each rate",
+        )  # fmt: skip
     cut = trial_rows(trials, layout, views, cache, partial(on_trial, JUDGED))
     count = count_between(layout, len(trials)) if further else 0
     between = None

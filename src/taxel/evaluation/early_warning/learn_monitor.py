@@ -137,14 +137,16 @@ def check_alike(pours: Sequence[CameraRecording]) -> None:
         BadDataset: Their images differ in size, or their rates by more than live allows.
     """
     image_size(pours)
-    least, most = min(pours, key=rate_of), max(pours, key=rate_of)
-    if rate_of(most) > rate_of(least) * RATE_RANGE[1]:
-        raise BadDataset(
-            f"recordings of about one rate, within a factor of {RATE_RANGE[1]:g}",
-            f"{rate_of(least):.3g} frames/s in {least.path.name} and {rate_of(most):.3g} in "
-            f"{most.path.name}",
-            "put those of each rate in a folder of their own",
-        )  # fmt: skip
+    first = rate_of(pours[0])
+    least, most = RATE_RANGE
+    for pour in pours:
+        if not least <= rate_of(pour) / first <= most:
+            raise BadDataset(
+                f"recordings of about one rate, within {least:g} to {most:g} of the first one's",
+                f"{first:.3g} frames/s in {pours[0].path.name} and {rate_of(pour):.3g} in "
+                f"{pour.path.name}",
+                "put those of each rate in a folder of their own",
+            )  # fmt: skip
 
 
 def _contract(

@@ -60,7 +60,10 @@ def open_footage(path: Path) -> Footage:
     return Video(path)
 
 
-_DECIMAL = re.compile(r"(.*?)(\d+\.\d+)")
+_WITHOUT_COUNT = (".mkv", ".webm")
+"""Endings of files that do not say how many frames they hold: OpenCV guesses it by their length in
+time and their rate."""
+_DECIMAL = re.compile(r"(.*?)(\d+)\.(\d+)")
 """A stem that ends in a decimal, as of images named by their moments."""
 
 
@@ -90,6 +93,11 @@ class Video:
                 "copy or record it again",
             )
         _refuse_large(path, self.width, self.height)
+        if path.suffix.lower() in _WITHOUT_COUNT:
+            self.count = 0
+            while self._capture.grab():
+                self.count += 1
+            self._capture = cv2.VideoCapture(str(path))
 
     def digest(self) -> str:
         """Return the SHA-256 of the file, hexadecimal."""
@@ -237,9 +245,10 @@ def _refuse_unclear(files: Sequence[Path]) -> None:
         )  # fmt: skip
     moments = [_DECIMAL.fullmatch(file.stem) for file in files]
     for before, after in pairwise(moments):
-        if before is None or after is None or before[1] != after[1]:
+        if before is None or after is None or before.groups()[:2] != after.groups()[:2]:
             continue
-        if Decimal(before[2]) > Decimal(after[2]):
+        counted = str(int(before[3]) + 1) == after[3] and before[3] == str(int(before[3]))
+        if not counted and Decimal(f"0.{before[3]}") >= Decimal(f"0.{after[3]}"):
             raise BadTable(
                 "names in whose order nothing is open", f"{before[0]} and {after[0]} in "
                 f"{files[0].parent}: decimals, or numbers that follow each other",
