@@ -148,3 +148,23 @@ def test_a_video_of_a_camera_that_runs_fast_is_read_to_its_last_frame(tmp_path):
     levels = [float(image.mean()) for image in video.frames()]
     np.testing.assert_allclose(levels, 40 + 3 * np.arange(60), atol=2)
     assert video.count == 60
+
+
+def test_h264_takes_frames_that_come_together_or_late(tmp_path):
+    """Two in one sixtieth of a second had the same time for the encoder, which gave up."""
+    av = pytest.importorskip("av", reason="av is not installed (taxel[export])")
+    if "libx264" not in av.codecs_available:
+        pytest.skip("this build of av has no H.264 encoder")
+    from taxel.exchange.video_files import write_videos
+
+    times = np.sort(np.arange(60) / 60 + np.random.default_rng(0).normal(0, 0.01, 60))
+    camera = CameraInfo(name="left", width=32, height=24, rate_hz=60.0)
+    with Recorder(tmp_path / "a.mcap", Manifest(sensor=NO_ARRAY, cameras=(camera,))) as recorder:
+        for number, time_s in enumerate(times):
+            image = encode_jpeg(np.full((24, 32, 3), 40 + number, np.uint8))
+            recorder.frame(Frame(camera=0, jpeg=image, counter=number, device_s=float("nan"),
+                                 arrival_s=time_s, fitted_s=time_s))  # fmt: skip
+    write_videos([tmp_path / "a.mcap"], tmp_path / "v", codec="h264")
+    with av.open(str(tmp_path / "v" / "a.left.mp4")) as file:
+        found = [float(frame.pts * frame.time_base) for frame in file.decode(video=0)]
+    np.testing.assert_allclose(np.diff(found), np.diff(times), atol=1e-4)

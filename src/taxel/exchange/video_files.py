@@ -28,6 +28,9 @@ SIGN = ".taxel-videos"
 """An empty file in every such folder, so that it may be replaced."""
 _BASE = Fraction(1, 1000)
 """Seconds of a tick. Source: Matroska's default TimestampScale, 1 ms."""
+_FINE = Fraction(1, 90_000)
+"""The same of MP4: in the encoder's own, a frame's length, two frames of a camera that jitters fall
+on one. Source: the clock of MPEG's systems, ISO/IEC 13818-1."""
 _CRF = "23"
 """x264's own default quality."""
 
@@ -98,6 +101,9 @@ class _Video:
             "mjpeg" if codec == "mjpeg" else "libx264", rate=rate,
             options={} if codec == "mjpeg" else {"crf": _CRF},
         )  # fmt: skip
+        self._base = _BASE if codec == "mjpeg" else _FINE
+        if codec == "h264":
+            self._stream.time_base = self._stream.codec_context.time_base = _FINE
         self._stream.width, self._stream.height = camera.width, camera.height
         even = not (camera.width % 2 or camera.height % 2)
         h264 = "yuv420p" if even else "yuv444p"  # the former halves both sides
@@ -106,20 +112,20 @@ class _Video:
         self._last = -1
 
     def add(self, frame: Frame) -> None:
-        """Add a frame at its time; two within a millisecond come a millisecond apart."""
+        """Add a frame at its time; two within a tick come a tick apart."""
         self._first_s = frame.fitted_s if self._first_s is None else self._first_s
-        tick = max(round((frame.fitted_s - self._first_s) / _BASE), self._last + 1)
+        tick = max(round((frame.fitted_s - self._first_s) / self._base), self._last + 1)
         self._last = tick
         if self._codec == "mjpeg":
             packet = av.Packet(frame.jpeg)
             packet.stream = self._stream
             packet.pts = packet.dts = tick
-            packet.time_base = _BASE
+            packet.time_base = self._base
             packet.is_keyframe = True
             self._file.mux(packet)
             return
         image = av.VideoFrame.from_ndarray(decode_jpeg(frame.jpeg, self._camera), format="rgb24")
-        image.pts, image.time_base = tick, _BASE
+        image.pts, image.time_base = tick, self._base
         for packet in self._stream.encode(image):
             self._file.mux(packet)
 
