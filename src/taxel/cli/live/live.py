@@ -48,7 +48,8 @@ class Live:
     where installed."""
     source: tyro.conf.Positional[str]
     """A source: sim://teng, serial://…, camera://…, a recording (replay://FILE), or a folder of
-    recordings, replayed one after another (replay://FOLDER?speed=max: as fast as possible)."""
+    recordings of an array or of camera trials, replayed one after another (as fast as possible:
+    replay://FOLDER?speed=max)."""
     seconds: float | None = None
     """Stop after this many seconds of the source's own time (with --page, --record and other
     station options: of real time); unless given, at the source's end or at Ctrl-C."""
