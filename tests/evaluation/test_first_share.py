@@ -67,9 +67,9 @@ def test_a_class_that_is_tested_and_never_learned_is_refused():
 
 def test_what_is_no_number_or_one_number_only_is_refused():
     y = np.arange(4) % 2
-    with pytest.raises(BadSplit, match="numbers in the group 'n'; got 'nan'"):
+    with pytest.raises(BadSplit, match=r"numbers in the group 'n'; got 'nan'"):
         first_share("n", np.array(["1", "2", "nan", "3"]), y, "50%")
-    with pytest.raises(BadSplit, match="numbers in the group 'day'"):
+    with pytest.raises(BadSplit, match=r"numbers in the group 'day'"):
         first_share("day", np.array(["mon", "tue"] * 2), y, "50%")
     with pytest.raises(BadSplit, match="two or more numbers in the group 'n'; got 1 only"):
         first_share("n", np.array(["1"] * 4), y, "50%")
@@ -162,6 +162,8 @@ def test_names_with_an_underscore_are_no_numbers():
     sessions = np.array(["1_9", "1_10", "2_1", "2_2"])
     with pytest.raises(BadSplit, match="'1_9' is a name"):
         first_share("session", sessions, np.arange(4) % 2, "50%")
+    with pytest.raises(BadSplit, match=r"got text \('x-1#0' is no number\)"):
+        first_share("trial", np.array(["3", "x-1#0", "4", "5"]), np.arange(4) % 2, "50%")
     trials = [replace(own, groups={**own.groups, "session": sessions[place % 4]})
               for place, own in enumerate(make_dataset().trials)]  # fmt: skip
     train = [i for i, own in enumerate(trials) if own.groups["session"] != "1_10"]

@@ -89,10 +89,8 @@ def group_numbers(key: str, values: NDArray[np.str_]) -> NDArray[np.float64]:
     try:
         numbers = as_numbers(values)
     except ValueError as error:
-        raise BadSplit(
-            f"numbers in the group {key!r}", f"text, such as {str(values[0])!r}",
-            "choose another group",
-        ) from error  # fmt: skip
+        raise BadSplit(f"numbers in the group {key!r}", f"text ({error})", "choose another group") \
+            from error  # fmt: skip
     if not np.isfinite(numbers).all():
         odd = values[~np.isfinite(numbers)][0]
         raise BadSplit(f"numbers in the group {key!r}", f"{str(odd)!r}",

@@ -65,7 +65,13 @@ def as_numbers(values: Iterable[str]) -> NDArray[np.float64]:
     texts = list(values)
     if odd := next((text for text in texts if "_" in text), None):
         raise ValueError(f"{str(odd)!r} is a name")
-    return np.array([float(text) for text in texts])
+    numbers = []
+    for text in texts:
+        try:
+            numbers.append(float(text))
+        except ValueError:
+            raise ValueError(f"{str(text)!r} is no number") from None
+    return np.array(numbers)
 
 
 def span_at(moment_s: float, spans: Sequence[tuple[float, float]], slack_s: float) -> int | None:

@@ -120,8 +120,10 @@ def test_trials_of_unlike_rates_are_refused_and_twins_are_named(
                                                   zip(lines, rates, strict=True))]))  # fmt: skip
     with pytest.raises(BadDataset, match=r"10 frames/s in 0004.* and 25 in 0001"):
         load_trial_set(read_camera_trials(table), None, tmp_path / "cache")
-    one = [replace(trial, frames=1) for trial in read_camera_trials(table)]  # images have no rate
-    assert load_trial_set(one, None, tmp_path / "cache").layout.crop == 1
+    stills = [
+        replace(trial, frames=1) for trial in read_camera_trials(table)
+    ]  # images have no rate
+    assert load_trial_set(stills, None, tmp_path / "cache").layout.crop == 1
     table.write_text("\n".join([head, *lines, lines[1].replace("o1", "o9"), lines[2]]))
     TrialOptions()._read(table)
     said = capsys.readouterr().err

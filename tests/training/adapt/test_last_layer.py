@@ -126,7 +126,7 @@ def test_a_test_for_unknown_touch_that_never_saw_the_class_is_left_out(run: Run)
 
 
 def test_a_run_without_exemplars_is_refused(run: Run) -> None:
-    with pytest.raises(BadInput, match="train it again"):
+    with pytest.raises(BadInput, match="chose its model by a search; train one that keeps them"):
         learn(replace(run, exemplars=None), five(run))
 
 

@@ -109,8 +109,8 @@ def predict(
             factors = enlarging(features[train])
             model = trees(seed).fit(enlarged(features[train], factors), y[train])
         found[test] = 0.0
-        told = model.predict_proba(enlarged(features[test], factors))
-        found[np.ix_(test, model.classes_)] = told
+        shares = model.predict_proba(enlarged(features[test], factors))
+        found[np.ix_(test, model.classes_)] = shares
     return found
 
 
