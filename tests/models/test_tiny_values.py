@@ -38,7 +38,7 @@ def test_factors_are_powers_of_two_for_tiny_features_alone():
 def test_the_audit_and_the_baselines_see_tiny_values_as_any_others():
     values, _ = signals()
     features = values.mean(axis=1)
-    folds = [(np.flatnonzero(Y[::-1] >= 0)[:45], np.arange(45, 60))]
+    folds = [(np.arange(45), np.arange(45, 60))]
     found = predict(features, Y, folds)
     np.testing.assert_array_equal(found, predict(features * np.float32(UNIT), Y, folds))
     assert (found[45:].argmax(axis=1) == Y[45:]).mean() > 0.9
