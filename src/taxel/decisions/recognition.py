@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from taxel.decisions.joining import MEAN, Joining
 from taxel.decisions.unknown import NoveltyTest
+from taxel.labels.class_order import RESERVED
 from taxel.windows.windower import Windows
 
-UNKNOWN = "UNKNOWN"
+UNKNOWN = RESERVED
 """The answer when the input or the confidence does not allow one."""
 UNMEASURED = "how unlike the learned it is cannot be measured"
 """The reason where the test for the unknown gives no number: what is not tested is not known."""
