@@ -103,6 +103,65 @@ def test_unknown_windows_do_not_vote() -> None:
     assert vote.add(at("a", [0.6, 0.4], 0.1))[0] == "a"
 
 
+def faulty(start: float, end: float) -> Decision:
+    quality = Quality(usable=0.5, span_s=(start, end))
+    return decide(np.array([0.9, 0.1], np.float32), quality, CLASSES, RecogniseConfig())
+
+
+def test_a_contact_of_which_nothing_is_measured_for_longer_than_a_pause_is_over() -> None:
+    """A sensor that is gone is not answered for by what it measured before."""
+    vote = GraspVote(CLASSES, gap_s=0.5)
+    vote.add(at("a", [0.9, 0.1], 0.0))  # ends at 0.1 s
+    assert vote.add(faulty(0.2, 0.4))[0] == "a"
+    assert vote.add(faulty(0.4, 0.6))[0] == "a"
+    assert vote.add(faulty(0.5, 0.7))[0] == UNKNOWN
+    assert vote.windows == 0
+    assert vote.add(at("b", [0.4, 0.6], 0.8)) == ("b", pytest.approx(0.6))
+
+
+def test_short_faults_in_a_row_of_good_windows_end_no_contact() -> None:
+    vote = GraspVote(CLASSES, gap_s=0.5)
+    for start in (0.0, 0.4, 0.8):
+        vote.add(at("a", [0.9, 0.1], start))
+        vote.add(faulty(start + 0.1, start + 0.3))
+    assert vote.windows == 3
+
+
+def test_a_doubtful_window_was_measured_all_the_same() -> None:
+    """Low confidence keeps a contact alive: touch goes on, only its class is unclear."""
+    vote = GraspVote(CLASSES, gap_s=0.5)
+    vote.add(at("a", [0.9, 0.1], 0.0))
+    for start in (0.3, 0.7, 1.1):
+        label, _ = vote.add(at(UNKNOWN, [0.45, 0.4], start))
+    assert label == "a"
+
+
+@pytest.mark.parametrize(
+    ("p", "usable", "saturated", "measured"),
+    [([0.2, 0.8], 1.0, 0.0, True), ([0.45, 0.4], 1.0, 0.0, True), ([0.2, 0.8], 0.9, 0.0, False),
+     ([0.2, 0.8], 1.0, 1.0, False), ([np.nan, np.nan], 1.0, 0.0, False)],
+)  # fmt: skip
+def test_usable_is_what_was_measured(
+    p: list[float], usable: float, saturated: float, measured: bool
+) -> None:
+    assert answer(p, usable, saturated).usable is measured
+
+
+def test_without_a_gate_the_answer_follows_what_is_held() -> None:
+    """Of the latest four windows, however many came before."""
+    vote, endless = (GraspVote(CLASSES, 0.5, most=most) for most in (4, None))
+    for number in range(1000):
+        decision = at("a", [0.9, 0.1], 0.1 * number)
+        vote.add(decision)
+        endless.add(decision)
+    for number in range(1000, 1003):
+        decision = at("b", [0.1, 0.9], 0.1 * number)
+        found, stays = vote.add(decision), endless.add(decision)
+    assert (vote.windows, endless.windows) == (4, 1003)
+    assert found == ("b", pytest.approx(0.75))  # odds (1/9 · 9 · 9 · 9)^(1/4) = 3
+    assert stays[0] == "a"
+
+
 def test_the_limits_are_those_of_decision_0010() -> None:
     config = RecogniseConfig()
 

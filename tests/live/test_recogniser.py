@@ -134,6 +134,33 @@ def test_a_missing_value_makes_its_window_unknown_and_no_other(plain: Bundle):
     assert "missing" in answers[1].decision.reason
 
 
+def test_a_sensor_that_is_gone_is_unknown_and_the_outage_is_in_the_summary(tmp_path: Path):
+    """Twenty windows of 60 ms, of which the sixth to the fifteenth hold nothing."""
+    made = bundle(tmp_path, WindowConfig(steps=STEPS, stride=STEPS, max_gap_s=0.2))
+    samples = touch(20 * STEPS)
+    samples.validity[5 * STEPS : 15 * STEPS] = Validity.MISSING
+    seen: list[str] = []
+    parts = [(samples[first : first + STEPS], []) for first in range(0, 20 * STEPS, STEPS)]
+    (tally,) = run_session(
+        Given(parts), [Recogniser(made, SENSOR, ANY)],  # type: ignore[arg-type]
+        show=lambda _, tallies: seen.append(tallies[0].grasp_answer[0]),
+    )  # fmt: skip
+    # The last good row is at 0.29 s: more than 0.2 s later nothing is known.
+    assert [label == UNKNOWN for label in seen] == 8 * [False] + 7 * [True] + 5 * [False]
+    (outage,) = tally.summary()["outages"]
+    assert (outage["start_s"], outage["end_s"]) == (pytest.approx(0.30), pytest.approx(0.90))
+    assert outage["text"] == "usable values again, after 0.6 s"
+
+
+@pytest.mark.parametrize(
+    ("gate", "known", "most"), [(None, 4, 4), (None, 400, 16), (None, 0, 16), (1.0, 4, None)]
+)
+def test_how_many_windows_are_joined(gate: float | None, known: int, most: int | None, plain):
+    window = replace(plain.contract.window, gate=gate)
+    contract = replace(plain.contract, window=window, trial_windows=known)
+    assert contract.most_windows == most
+
+
 def test_a_channel_at_the_rail_is_unknown(plain: Bundle):
     samples = touch(STEPS)
     values = samples.values.copy()

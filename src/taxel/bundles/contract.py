@@ -32,6 +32,9 @@ FORMAT = 1
 RATE_RANGE = (0.8, 1.25)
 """Least and most that a camera's rate may be of the one that a bundle was trained at. Source: our
 choice, docs/decisions/0013."""
+MOST_JOINED = 16
+"""Windows joined at most where no gate parts contacts, so that the answer follows what is held.
+Source: our choice, docs/decisions/0010."""
 LARGEST_DIFFERENCE = 1e-4
 """A probability may differ by this much between training framework, export and load.
 Source: our choice, docs/decisions/0009."""
@@ -78,6 +81,18 @@ class Contract:
     motion: Motion | None = None
     """How much each channel changed within training windows, so that one that has stopped is
     reported; None where that is not known, as in bundles of before: none is reported."""
+    trial_windows: int = 0
+    """Windows of a usual training trial (their median); 0 where that is not known, as in bundles of
+    before."""
+
+    @property
+    def most_windows(self) -> int | None:
+        """How many windows of a stream are joined at most, the latest; None: all of a contact, as
+        a gate parts it from the next.
+        """
+        if self.window.gate is not None:
+            return None
+        return min(self.trial_windows or MOST_JOINED, MOST_JOINED)
 
     def check_sensor(self, sensor: SensorInfo) -> None:
         """Refuse a sensor that this bundle was not made for.
@@ -235,6 +250,7 @@ def _contract(data: Any) -> Contract:
         learned=given.texts("learned") if given.any("learned") != () else (),
         joining=_joining(given.any("joining")),
         motion=motion_from_json(given.fields("motion"), n) if "motion" in given else None,
+        trial_windows=given.count("trial_windows", 0, 2**31),
     )
 
 

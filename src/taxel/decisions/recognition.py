@@ -5,6 +5,7 @@ Knows nothing about models, sources or screens.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from math import isfinite
 
@@ -56,6 +57,9 @@ class Decision:
     the input cannot be used; NaN or infinite where it cannot be measured."""
     filled: float = 0.0
     """Share of the window's values that were missing, stale or NaN and were filled in, 0…1."""
+    usable: bool = True
+    """False where nothing was measured by which to answer: values are missing, a channel stands at
+    the converter's limit, or the model gave NaN."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +105,7 @@ def decide(
     best = int(probabilities.argmax())
     confidence = float(probabilities[best])
     reason = _fault(probabilities, quality.usable + quality.filled, quality.saturated, config)
+    usable = not reason
     if reason or test is None:
         novelty = None
     elif novelty is None or not isfinite(sum(novelty)):
@@ -112,7 +117,7 @@ def decide(
     label = UNKNOWN if reason else classes[best]
     start_s, end_s = quality.span_s
     return Decision(
-        label, confidence, probabilities, reason, start_s, end_s, novelty, quality.filled
+        label, confidence, probabilities, reason, start_s, end_s, novelty, quality.filled, usable
     )
 
 
@@ -136,11 +141,24 @@ def _fault(
     return ""
 
 
+@dataclass(frozen=True, slots=True)
+class _Window:
+    """What a window adds to its contact."""
+
+    logarithms: NDArray[np.float64] | None
+    """Of its probabilities, shape (classes,); None where it is UNKNOWN."""
+    novelty: list[float] | None
+    """Its novelty scores; None where there are none, or no number."""
+    unmeasured: bool
+    """Whether it was tested and gave no number."""
+
+
 class GraspVote:
     """Join the windows of one contact: the mean of their log-probabilities decides, and how many
     there are says how surely.
 
-    Windows further apart than `gap_s` belong to different contacts. UNKNOWN
+    Windows further apart than `gap_s` belong to different contacts, and a contact of which nothing
+    usable was measured for longer is over: its answer is UNKNOWN from then on. UNKNOWN
     windows do not vote, unless all are. Where the bundle knows the unknown, the
     mean novelty score of all windows may make the whole contact UNKNOWN; a window whose
     novelty score is no number stays out of that mean and counts as one of p = 0.
@@ -150,6 +168,8 @@ class GraspVote:
         gap_s: Longest pause within a contact, seconds.
         test: The bundle's test for the unknown, if it has one.
         joining: How sure windows are together; the mean unless the bundle says more.
+        most: How many windows count at most, the latest: where no gate parts a contact from the
+            next, the answer follows what is held (docs/decisions/0010). None: all.
     """
 
     def __init__(
@@ -158,18 +178,14 @@ class GraspVote:
         gap_s: float,
         test: NoveltyTest | None = None,
         joining: Joining = MEAN,
+        most: int | None = None,
     ) -> None:
         self._classes = classes
         self._gap_s = gap_s
-        self._sum = np.zeros(len(classes))
-        self._count = 0
-        self._end_s: float | None = None
         self._test = test
         self._joining = joining
-        self._novelty = [0.0] * (len(test.labels) if test is not None else 0)
-        self._tested = self._unmeasured = 0
-        self.p_known = float("nan")
-        """How often a known contact scores at least as high, 0…1; NaN where that is not tested."""
+        self._most = most
+        self.over()
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -178,33 +194,33 @@ class GraspVote:
 
     @property
     def windows(self) -> int:
-        """How many windows have voted in this contact."""
+        """How many windows vote in this contact."""
         return self._count
 
     def emptied(self) -> GraspVote:
-        """Return such a vote in which no window has voted."""
+        """Return such a vote in which no window has voted, and all will: somebody else says
+        where a contact begins and ends.
+        """
         return GraspVote(self.classes, self._gap_s, self._test, self._joining)
+
+    def over(self) -> None:
+        """End the contact: what comes next belongs to another."""
+        self._sum = np.zeros(len(self._classes))
+        self._novelty = np.zeros(len(self._test.labels) if self._test is not None else 0)
+        self._count = self._tested = self._unmeasured = 0
+        self._latest: deque[_Window] = deque()
+        self._end_s: float | None = None
+        self.p_known = float("nan")
+        """How often a known contact scores at least as high, 0…1; NaN where that is not tested."""
 
     def add(self, decision: Decision) -> tuple[str, float]:
         """Take in one decision; return the contact's answer so far and its confidence, 0…1."""
-        if self._end_s is not None and decision.start_s - self._end_s > self._gap_s:
-            self._sum[:], self._count = 0.0, 0
-            self._novelty = [0.0] * len(self._novelty)
-            self._tested = self._unmeasured = 0
-            self.p_known = float("nan")
-        self._end_s = decision.end_s
-        if decision.label != UNKNOWN:
-            self._sum += np.log(np.maximum(decision.probabilities, 1e-7))
-            self._count += 1
-        if self._test is not None and decision.novelty is not None:
-            if isfinite(sum(decision.novelty)):
-                self._novelty = [
-                    a + b for a, b in zip(self._novelty, decision.novelty, strict=True)
-                ]
-                self._tested += 1
-            else:
-                self._unmeasured += 1
-            self.p_known = self._p_contact(self._test)
+        since_s = decision.start_s if decision.usable else decision.end_s
+        if self._end_s is not None and since_s - self._end_s > self._gap_s:
+            self.over()
+        if decision.usable:
+            self._end_s = decision.end_s
+        self._count_in(self._window(decision))
         # A contact of which no window was tested has p = NaN: it is not known either.
         if not self._count or (self._test is not None and not self.p_known > self._test.rejected):
             return UNKNOWN, float("nan")
@@ -213,10 +229,39 @@ class GraspVote:
         best = int(found.argmax())
         return self._classes[best], float(found[best])
 
+    def _window(self, decision: Decision) -> _Window:
+        novelty, tested = decision.novelty, self._test is not None
+        measured = tested and novelty is not None and isfinite(sum(novelty))
+        return _Window(
+            np.log(np.maximum(decision.probabilities, 1e-7)).astype(np.float64)
+            if decision.label != UNKNOWN else None,
+            novelty if measured else None,
+            unmeasured=tested and novelty is not None and not measured,
+        )  # fmt: skip
+
+    def _count_in(self, window: _Window) -> None:
+        self._tally(window, 1)
+        if self._most is not None:
+            self._latest.append(window)
+            if len(self._latest) > self._most:
+                self._tally(self._latest.popleft(), -1)
+        if self._test is not None and self._tested + self._unmeasured:
+            self.p_known = self._p_contact(self._test)
+
+    def _tally(self, window: _Window, times: int) -> None:
+        """Add a window to the sums, or take it out again (times = −1)."""
+        if window.logarithms is not None:
+            self._sum += times * window.logarithms
+            self._count += times
+        if window.novelty is not None:
+            self._novelty += times * np.asarray(window.novelty)
+            self._tested += times
+        self._unmeasured += times * window.unmeasured
+
     def _p_contact(self, test: NoveltyTest) -> float:
         """Return p of the windows measured, times their share of all."""
         if not self._tested:
             return 0.0
-        mean = [total / self._tested for total in self._novelty]
+        mean = (self._novelty / self._tested).tolist()
         p = test.p_contact(mean, self._tested)
         return p * self._tested / (self._tested + self._unmeasured)

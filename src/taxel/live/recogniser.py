@@ -10,7 +10,13 @@ from math import inf
 from time import perf_counter
 
 from taxel.bundles.reader import Bundle
-from taxel.decisions.recognition import Decision, Quality, RecogniseConfig, decide
+from taxel.decisions.recognition import (
+    Decision,
+    GraspVote,
+    Quality,
+    RecogniseConfig,
+    decide,
+)
 from taxel.decisions.still_channels import StillChannel, StillWatch
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.following import GateMove
@@ -69,6 +75,14 @@ class Recogniser:
     def near(self) -> bool:
         """True when the next row will complete a window, and rows have just been coming."""
         return self._missing <= self._near and perf_counter() - self._grown_s < _NEAR_S
+
+    def new_vote(self) -> GraspVote:
+        """Return what joins the windows of a stream, contact by contact."""
+        contract = self.bundle.contract
+        return GraspVote(
+            contract.classes, contract.window.max_gap_s, self.bundle.novelty_test,
+            contract.joining, contract.most_windows,
+        )  # fmt: skip
 
     def warm(self) -> None:
         """Rehearse the next answer, so that the caches hold all of it when its row comes."""

@@ -16,6 +16,7 @@ import numpy as np
 from taxel.actions.rule_table import RuleTable
 from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote
 from taxel.decisions.still_channels import StillChannel
+from taxel.live.outages import Outage, OutageWatch
 from taxel.live.recogniser import Answer, Recogniser
 from taxel.signals import Mark, Samples
 from taxel.sources.contract import Source
@@ -56,6 +57,10 @@ class Tally:
     """How the contact gate was moved, oldest first; the last `_KEPT_ANSWERS`."""
     still_channels: list[StillChannel] = field(default_factory=list)
     """Channels that have stopped changing, once each, in the order in which they were noticed."""
+    outages: list[Outage] = field(default_factory=list)
+    """Times without a usable window, oldest first; the last `_KEPT_ANSWERS`."""
+    outage_watch: OutageWatch = field(default_factory=lambda: OutageWatch(inf))
+    """What finds them; none unless given."""
     late: bool = False
     """True where an answer may come after the mark that it lies in, as of a padded window."""
     _waiting: list[Decision] = field(default_factory=list)
@@ -70,6 +75,7 @@ class Tally:
         self.filled += decision.filled > 0
         self.answers[decision.label] += 1
         self.grasp_answer = self.vote.add(decision)
+        self._note_outage(self.outage_watch.look(decision))
         self.action = self.rules.action(self.target, *self.grasp_answer)
         self.actions.update([self.action] if self.action else [])
         self.latencies_s.append(answer.latency_s)
@@ -86,6 +92,15 @@ class Tally:
         """Keep which channels have stopped changing; one that is known is not kept again."""
         known = {still.channel for still in self.still_channels}
         self.still_channels += [still for still in channels if still.channel not in known]
+
+    def _note_outage(self, outage: Outage | None) -> None:
+        """Keep an outage that began, or complete the one that is over."""
+        if outage is None:
+            return
+        if outage.end_s is not None:
+            self.outages.pop()
+        self.outages.append(outage)
+        del self.outages[:-_KEPT_ANSWERS]
 
     def compare(self, mark: Mark) -> None:
         """Count the windows inside a mark as right or wrong; their vote is the grasp's.
@@ -141,6 +156,8 @@ class Tally:
         del self.latencies_s[:-_KEPT_LATENCIES]
         self.note(other.gate_moves)
         self.note_still(other.still_channels)
+        self.outages += other.outages
+        del self.outages[:-_KEPT_ANSWERS]
         self.latest, self.grasp_answer = other.latest, other.grasp_answer
 
     def summary(self) -> dict[str, Any]:
@@ -161,6 +178,7 @@ class Tally:
             "still_channels": [
                 asdict(still) | {"text": still.words()} for still in self.still_channels
             ],
+            "outages": [asdict(outage) | {"text": outage.words()} for outage in self.outages],
             "latency_us_median": float(np.median(latencies)),
             "latency_us_p99": float(np.percentile(latencies, 99)),
         }
@@ -190,14 +208,10 @@ def run_session(
     tallies = [
         Tally(
             recogniser.bundle.contract.target,
-            GraspVote(
-                recogniser.bundle.contract.classes,
-                recogniser.bundle.contract.window.max_gap_s,
-                recogniser.bundle.novelty_test,
-                recogniser.bundle.contract.joining,
-            ),
+            recogniser.new_vote(),
             rules,
             late=recogniser.bundle.contract.window.pad,
+            outage_watch=OutageWatch(recogniser.bundle.contract.window.max_gap_s),
         )
         for recogniser in recognisers
     ]

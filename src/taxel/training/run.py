@@ -102,6 +102,7 @@ def contract_of(
         reference=dataset.reference,
         learned=tuple(sorted({fingerprint_of(own) for own in dataset.fingerprints.values()})),
         motion=measure_motion(dataset, target),
+        trial_windows=int(np.median(np.bincount(dataset.trial))) if len(dataset) else 0,
     )
 
 

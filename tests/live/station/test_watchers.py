@@ -17,7 +17,7 @@ import pytest
 
 from taxel.clock import ManualClock
 from taxel.decisions.joining import MEAN
-from taxel.decisions.recognition import UNKNOWN, Decision
+from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.live.station import inference
 from taxel.live.station.packets import pack, unpack
@@ -262,6 +262,9 @@ class Recogniser:
     def still_channels(self) -> list[Any]:
         return []
 
+    def new_vote(self) -> GraspVote:
+        return GraspVote(("ball", "cube"), 0.5)
+
 
 def answer(label: str, p: tuple[float, float], end_s: float) -> Any:
     decision = Decision(
@@ -316,6 +319,27 @@ def test_the_last_padded_window_is_answered_at_the_end_without_times_of_arrival(
     (note,) = recogniser.notes()
     assert (note["label"], note["confidence"], note["grasp_confidence"]) == (UNKNOWN, None, None)
     assert "arrival_s" not in note
+
+
+@pytest.mark.parametrize(
+    "said", [{"do": "new grasp"}, Mark(start_s=0.2, end_s=0.3, labels={"outcome": "held"})]
+)
+def test_a_new_grasp_has_a_vote_of_its_own(recogniser: Rig, said: Any):
+    recogniser.take(scans(0.1))
+    assert recogniser.watcher._vote.windows == 1
+    recogniser.take(said)
+    assert recogniser.watcher._vote.windows == 0
+
+
+def test_input_that_cannot_be_used_is_news_and_ends_the_answer(recogniser: Rig):
+    """A board that is gone is not answered for by what it sent before."""
+    recogniser.take(scans(0.1))
+    fault = Decision(UNKNOWN, np.nan, np.full(2, np.nan, np.float32), "all missing", 0.2, 0.9,
+                     usable=False)  # fmt: skip
+    recogniser.watcher._send(SimpleNamespace(decision=fault), {})
+    news, note = recogniser.notes()
+    assert news["text"] == "shape: no usable values: all missing; the answer is UNKNOWN"
+    assert (note["grasp"], note["grasp_confidence"]) == (UNKNOWN, None)
 
 
 def test_drills_and_silence_leave_a_recogniser_as_it_is(recogniser: Rig):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from taxel.bundles.reader import Bundle
     from taxel.bundles.signing import Trust
     from taxel.calibration.live import LiveNewtons
+    from taxel.live.outages import Outage
     from taxel.live.recogniser import Recogniser
     from taxel.live.session import Tally
     from taxel.signals import Samples
@@ -221,6 +222,8 @@ class Live:
                 say(f"  {move['time_s']:.1f} s: {GateMove(**move).words()}")
             for still in result["still_channels"]:
                 say(f"  warning: {still['time_s']:.1f} s: {still['text']}", style="yellow")
+            for outage in result["outages"]:
+                say(f"  warning: {_outage_words(outage)}", style="yellow")
             if result["windows"]:
                 say(
                     f"  latency from window to decision: median {result['latency_us_median']:.0f} "
@@ -301,11 +304,20 @@ class Live:
         )
 
 
+def _outage_words(outage: dict[str, Any]) -> str:
+    """Return what is said of an outage at the end."""
+    until = "the end" if outage["end_s"] is None else f"{outage['end_s']:.1f} s"
+    return f"{outage['start_s']:.1f} s to {until}: no usable values ({outage['reason']})"
+
+
 class _Aside:
-    """Says which channels have stopped changing, once and at once, where no screen shows it."""
+    """Says at once what befell the input, where no screen shows it: channels that have stopped
+    changing, and times without usable values.
+    """
 
     def __init__(self) -> None:
         self._said: set[tuple[int, str]] = set()
+        self._outages: dict[int, Outage] = {}
 
     def show(self, samples: Samples, tallies: list[Tally]) -> None:
         """Say it while a session runs."""
@@ -318,6 +330,9 @@ class _Aside:
                 if (number, still.channel) not in self._said:
                     self._said.add((number, still.channel))
                     say_aside(f"{tally.target}: {still.words()}")
+            if tally.outages and tally.outages[-1] != self._outages.get(number):
+                self._outages[number] = tally.outages[-1]
+                say_aside(f"{tally.target}: {tally.outages[-1].words()}")
 
 
 def _known_classes(bundles: Sequence[Path], trust: Trust | None) -> dict[str, tuple[str, ...]]:

@@ -23,10 +23,11 @@ from taxel.bundles.grasp import is_grasp_bundle, read_grasp_bundle
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.signing import Trust
 from taxel.decisions.reasons import kind_of
-from taxel.decisions.recognition import GraspVote, RecogniseConfig
+from taxel.decisions.recognition import RecogniseConfig
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.decisions.still_channels import StillChannel
 from taxel.live.grasp_monitor import GraspMonitor
+from taxel.live.outages import Outage, OutageWatch
 from taxel.live.recogniser import Answer, Recogniser
 from taxel.live.station.beats import Work
 from taxel.live.station.packets import Packet, pack, unpack
@@ -232,9 +233,8 @@ class _RecogniseWatcher:
         config = RecogniseConfig(least_confidence=job.least_confidence)
         self._recogniser = Recogniser(bundle, job.sensor, config)
         contract = bundle.contract
-        self._vote = GraspVote(
-            contract.classes, contract.window.max_gap_s, bundle.novelty_test, contract.joining
-        )
+        self._vote = self._recogniser.new_vote()
+        self._outages = OutageWatch(contract.window.max_gap_s)
         self._target = contract.target
         self._writer = writer
         self.what = {"kind": "answer", "who": self._who, "bundle": str(path),
@@ -243,6 +243,8 @@ class _RecogniseWatcher:
     def take(self, packets: list[Packet], came: _Came, pulse: Pulse) -> None:
         """Answer each window that the scans complete."""
         for packet in packets:
+            if _ends_grasp(packet) or _asks(packet, "new grasp"):
+                self._vote.over()
             if not isinstance(packet, Samples):
                 continue
             pulse.beat()
@@ -258,7 +260,7 @@ class _RecogniseWatcher:
             self._send(answer, {})
         self._say(self._recogniser.still_channels())
 
-    def _say(self, news: Sequence[GateMove] | Sequence[StillChannel]) -> None:
+    def _say(self, news: Sequence[GateMove | StillChannel | Outage]) -> None:
         """Send news of channels, for the log and the page."""
         for item in news:
             text = f"{self._target}: {item.words()}"
@@ -267,6 +269,8 @@ class _RecogniseWatcher:
     def _send(self, answer: Answer, times: dict[str, float]) -> None:
         decision = answer.decision
         voted, confidence = self._vote.add(decision)
+        if (outage := self._outages.look(decision)) is not None:
+            self._say([outage])
         note = {
             "kind": "answer", "who": self._who, "target": self._target, "label": decision.label,
             "confidence": _number(decision.confidence), "reason": decision.reason,
