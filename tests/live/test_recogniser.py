@@ -152,6 +152,15 @@ def test_a_sensor_that_is_gone_is_unknown_and_the_outage_is_in_the_summary(tmp_p
     assert outage["text"] == "usable values again, after 0.6 s"
 
 
+def test_rows_of_another_rate_than_in_training_are_in_the_summary(tmp_path: Path):
+    """Where rows are taken as they come: on a grid they are brought to its rate."""
+    slow = Samples.from_values(touch(300).values, np.arange(300) / 50.0, full_scale=3.3)
+    for grid, count in ((None, 1), (100.0, 0)):
+        made = bundle(tmp_path, WindowConfig(steps=STEPS, stride=STEPS, grid_hz=grid))
+        (tally,) = run_session(Given([(slow, [])]), [Recogniser(made, SENSOR, ANY)])  # type: ignore[arg-type]
+        assert len(tally.summary()["rate_changes"]) == count
+
+
 @pytest.mark.parametrize(
     ("gate", "known", "most"), [(None, 4, 4), (None, 400, 16), (None, 0, 16), (1.0, 4, None)]
 )

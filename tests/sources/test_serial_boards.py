@@ -1,6 +1,7 @@
 """`serial://` on real ports (pseudo-terminals), in real time."""
 
 import contextlib
+import json
 import os
 import threading
 import time
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taxel.cli.main import main
 from taxel.errors import BadSource
 from taxel.signals import Samples, Validity
 from taxel.sources.boards.emulation import EmulatedBoard, PseudoPort, RunningBoard, value_at
@@ -282,5 +284,20 @@ def test_lines_of_numbers_are_an_array_too(tmp_path: Path):
             assert source.info.units == ("count", "count")
             assert 50 < source.info.rate_hz <= 110
         assert rows.values[rows.usable.all(axis=1)].tolist()[0] == [10, 20]
+    finally:
+        port.unplug()
+
+
+@pytest.mark.slow
+def test_record_prints_what_a_board_lost(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    port = PseudoPort(tmp_path / "sketch")
+    port.plug()
+    line = b"10\t20\n10\tx0\n"
+    try:
+        with said(port, line):
+            main(["record", f"serial://{port.path}?format=csv&rate_hz=200", "--seconds", "0.5",
+                  "--output", str(tmp_path / "a.mcap"), "--json"])  # fmt: skip
+        (board,) = json.loads(capsys.readouterr().out)["boards"]
+        assert board["bad"]["line"] == board["lost"] > 10
     finally:
         port.unplug()

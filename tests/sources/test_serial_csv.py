@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from taxel.signals import Validity
-from taxel.sources.boards.csv_lines import CsvStream, numbers_of
-from taxel.sources.boards.ledger import Scans
+from taxel.signals import Samples, Validity
+from taxel.sources.boards.csv_lines import CsvStream, names_of, numbers_of
+from taxel.sources.boards.ledger import BoardLedger, Scans
+from taxel.sources.boards.merge import BoardMerge
 from taxel.sources.boards.port import Chunk
 
 HZ = 100.0
@@ -87,6 +88,97 @@ def test_a_printed_clock_that_leaps_ahead_of_the_hosts_began_anew():
     (scans,) = come(stream, "9000,1\n9010,1\n", 0.61)
     assert stream.ledger.reboots == 1
     assert scans.fitted_s.max() <= 0.61
+
+
+def test_a_single_line_whose_clock_is_damaged_is_one_bad_line():
+    """One digit of millis(), 900 ms too large: before, it held back all times that followed."""
+    stream = CsvStream("here", time="ms", rate_hz=HZ)
+    times_s, rows = [], []
+    for i in range(300):
+        clock = 10 * i + (900 if i == 100 else 0)
+        for scans in stream.feed([Chunk(0.001 + i / HZ, f"{clock},{i}\n".encode())]):
+            times_s += scans.device_s.tolist()
+            rows += scans.values[:, 0].tolist()
+    assert sorted(set(range(10, 300)) - set(rows)) == [100]
+    assert np.diff(times_s[-250:]).max() == pytest.approx(0.02)  # the hole of that line
+    assert np.diff(times_s).min() > 0
+    assert (stream.ledger.bad["line"], stream.ledger.lost, stream.ledger.reboots) == (1, 1, 0)
+
+
+def test_a_clock_that_goes_on_from_where_it_leapt_to_is_believed():
+    """Lines that were not read for half a second come at once, some of them lost."""
+    stream = CsvStream("here", time="ms", rate_hz=HZ)
+    rows = []
+    for i in [*range(100), *range(150, 200)]:
+        for scans in stream.feed([Chunk(0.001 + min(i, 101) / HZ, f"{10 * i},{i}\n".encode())]):
+            rows += scans.values[:, 0].tolist()
+    assert rows[-50:] == [*range(150, 200)]
+    assert (stream.ledger.lost, stream.ledger.reboots) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("header", "names"),
+    [("thumb,index,palm", ("thumb", "index", "palm")), ('"a","b","c"', ("a", "b", "c")),
+     ("Fühler,b2,c (N)".replace(" ", ""), ("Fühler", "b2", "c(N)")),
+     ("100,9x,250", ("c0", "c1", "c2")), ("Calibrating sensors done", ("c0", "c1", "c2")),
+     ("a,a,b", ("c0", "c1", "c2")), ("a,,b", ("c0", "c1", "c2")), ("a,b", ("c0", "c1", "c2"))],
+)  # fmt: skip
+def test_only_a_line_of_names_gives_the_names(header: str, names: tuple[str, ...]):
+    """A damaged line of numbers, a remark, or names that come twice do not."""
+    stream = CsvStream("here")
+    stream.feed([Chunk(0.0, b"rest\n" + header.encode() + b"\n")])
+    for i in range(120):
+        stream.feed([Chunk(i / HZ, b"1,2,3\n")])
+    assert stream.channels == names
+
+
+def test_losses_are_said_and_remarks_are_none():
+    ledger = BoardLedger(path="here", late=7, bad={"line": 2, "columns": 1, "text": 9})
+    assert ledger.losses() == "7 too late for their rows, 3 damaged lines or messages"
+    assert BoardLedger(path="here", scans=9, repeated=1, bad={"text": 9}).losses() == ""
+
+
+def test_bytes_that_are_no_text_are_no_header():
+    assert names_of(b"F\xff,b") == []
+
+
+def test_a_header_that_is_printed_again_is_no_lost_scan():
+    stream = CsvStream("here")
+    stream.feed([Chunk(0.0, b"\ns1,s2,s3\n")])
+    for i in range(120):
+        stream.feed([Chunk(i / HZ, b"1,2,3\n")])
+    (before,) = come(stream, "1,2,3\n")
+    (after,) = come(stream, "s1,s2,s3\n4,5,6\n")
+    assert after.seq[0] - before.seq[0] == 1
+    assert (stream.ledger.lost, stream.ledger.bad["text"]) == (0, 1)
+
+
+@pytest.mark.parametrize("time", ["none", "ms"])
+@pytest.mark.parametrize("boards", [1, 2])
+def test_after_a_board_was_silent_its_scans_are_rows_at_once(time: str, boards: int):
+    """The first is silent for 4 s, its port open; a line that was not printed is not counted."""
+    streams = [CsvStream("here", time=time, rate_hz=HZ) for _ in range(boards)]
+    merge = BoardMerge([1] * boards, [stream.ledger for stream in streams], HZ)
+    given, printed = [], []
+    for i in range(1200):
+        now_s = 0.001 + i / HZ
+        for index, stream in enumerate(streams):
+            silent = index == 0 and 300 <= i < 700
+            line = f"{10 * i},{i}\n" if time == "ms" else f"{i}\n"
+            for scans in stream.feed([] if silent else [Chunk(now_s, line.encode())]):
+                merge.put(index, scans)
+        printed += [] if 300 <= i < 700 else [i]
+        given.append(merge.release(now_s, now_s))
+    rows = Samples.join(given)
+    good = rows.values[rows.validity[:, 0] == 0, 0]
+    assert len(set(good.tolist())) >= len(printed) - 20
+    assert 700 in good or 701 in good
+    assert (rows.validity[:, 0] != 0).sum() == pytest.approx(400, abs=15)
+    if boards == 2:
+        assert (rows.validity[:, 1] == 0).sum() >= 1170
+    assert np.diff(rows.fitted_s).max() < 0.05
+    apart = rows.fitted_s[rows.validity[:, 0] == 0] - good / HZ
+    assert np.abs(apart).max() < 0.03
 
 
 def test_bad_lines_are_counted_and_leave_a_hole_and_words_leave_none():

@@ -18,6 +18,7 @@ from taxel.decisions.recognition import (
     decide,
 )
 from taxel.decisions.still_channels import StillChannel, StillWatch
+from taxel.live.rate_watch import RateChange, RateWatch
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.following import GateMove
 from taxel.windows.windower import Windower, Windows
@@ -64,6 +65,8 @@ class Recogniser:
         self._windower = Windower(window, sensor)
         motion = bundle.contract.motion
         self._still = None if motion is None else StillWatch(motion, bundle.contract.channels)
+        own = window.grid_hz is None and window.steps > 1 and bundle.contract.rate_hz > 0
+        self._rate = RateWatch(bundle.contract.rate_hz) if own else None
         self._near = len(sensor.only(window.channels).channels) if window.layout == "A" else 1
         rate_hz = window.grid_hz or sensor.rate_hz  # 0 of a recording of a single scan
         self._row_s = 1.0 / rate_hz if rate_hz > 0 else _SINGLE_S
@@ -99,6 +102,8 @@ class Recogniser:
         self._last = samples[-1:] if len(samples) else self._last
         if missing != self._missing:
             self._missing, self._grown_s = missing, perf_counter()
+        if self._rate is not None:
+            self._rate.look(samples)
         return answers
 
     def gate_moves(self) -> list[GateMove]:
@@ -110,6 +115,12 @@ class Recogniser:
         none where the bundle does not say how they changed in training.
         """
         return [] if self._still is None else self._still.take()
+
+    def rate_changes(self) -> list[RateChange]:
+        """Return where rows began, since the last call, to come at another rate than in training,
+        or at that one again; none where rows are taken from a grid.
+        """
+        return [] if self._rate is None else self._rate.take()
 
     def flush(self) -> list[Answer]:
         """End the stream; return the answer of its last, padded window if there is one."""

@@ -17,6 +17,7 @@ from taxel.actions.rule_table import RuleTable
 from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote
 from taxel.decisions.still_channels import StillChannel
 from taxel.live.outages import Outage, OutageWatch
+from taxel.live.rate_watch import RateChange
 from taxel.live.recogniser import Answer, Recogniser
 from taxel.signals import Mark, Samples
 from taxel.sources.contract import Source
@@ -57,6 +58,8 @@ class Tally:
     """How the contact gate was moved, oldest first; the last `_KEPT_ANSWERS`."""
     still_channels: list[StillChannel] = field(default_factory=list)
     """Channels that have stopped changing, once each, in the order in which they were noticed."""
+    rate_changes: list[RateChange] = field(default_factory=list)
+    """Where rows came at another rate than in training, oldest first; the last `_KEPT_ANSWERS`."""
     outages: list[Outage] = field(default_factory=list)
     """Times without a usable window, oldest first; the last `_KEPT_ANSWERS`."""
     outage_watch: OutageWatch = field(default_factory=lambda: OutageWatch(inf))
@@ -92,6 +95,11 @@ class Tally:
         """Keep which channels have stopped changing; one that is known is not kept again."""
         known = {still.channel for still in self.still_channels}
         self.still_channels += [still for still in channels if still.channel not in known]
+
+    def note_rates(self, changes: Sequence[RateChange]) -> None:
+        """Keep where rows began to come at another rate."""
+        self.rate_changes += changes
+        del self.rate_changes[:-_KEPT_ANSWERS]
 
     def _note_outage(self, outage: Outage | None) -> None:
         """Keep an outage that began, or complete the one that is over."""
@@ -156,6 +164,7 @@ class Tally:
         del self.latencies_s[:-_KEPT_LATENCIES]
         self.note(other.gate_moves)
         self.note_still(other.still_channels)
+        self.note_rates(other.rate_changes)
         self.outages += other.outages
         del self.outages[:-_KEPT_ANSWERS]
         self.latest, self.grasp_answer = other.latest, other.grasp_answer
@@ -177,6 +186,9 @@ class Tally:
             "gate_moves": [asdict(move) for move in self.gate_moves],
             "still_channels": [
                 asdict(still) | {"text": still.words()} for still in self.still_channels
+            ],
+            "rate_changes": [
+                asdict(change) | {"text": change.words()} for change in self.rate_changes
             ],
             "outages": [asdict(outage) | {"text": outage.words()} for outage in self.outages],
             "latency_us_median": float(np.median(latencies)),
@@ -229,6 +241,7 @@ def run_session(
                 tally.add(answer)
             tally.note(recogniser.gate_moves())
             tally.note_still(recogniser.still_channels())
+            tally.note_rates(recogniser.rate_changes())
         _compare(source, tallies, end_s)
         if show is not None:
             show(samples, tallies)

@@ -262,6 +262,9 @@ class Recogniser:
     def still_channels(self) -> list[Any]:
         return []
 
+    def rate_changes(self) -> list[Any]:
+        return []
+
     def new_vote(self) -> GraspVote:
         return GraspVote(("ball", "cube"), 0.5)
 

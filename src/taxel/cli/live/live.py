@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from taxel.bundles.signing import Trust
     from taxel.calibration.live import LiveNewtons
     from taxel.live.outages import Outage
+    from taxel.live.rate_watch import RateChange
     from taxel.live.recogniser import Recogniser
     from taxel.live.session import Tally
     from taxel.signals import Samples
@@ -222,6 +223,8 @@ class Live:
                 say(f"  {move['time_s']:.1f} s: {GateMove(**move).words()}")
             for still in result["still_channels"]:
                 say(f"  warning: {still['time_s']:.1f} s: {still['text']}", style="yellow")
+            for change in result["rate_changes"]:
+                say(f"  warning: {change['time_s']:.1f} s: {change['text']}", style="yellow")
             for outage in result["outages"]:
                 say(f"  warning: {_outage_words(outage)}", style="yellow")
             if result["windows"]:
@@ -312,12 +315,13 @@ def _outage_words(outage: dict[str, Any]) -> str:
 
 class _Aside:
     """Says at once what befell the input, where no screen shows it: channels that have stopped
-    changing, and times without usable values.
+    changing, times without usable values, and another rate than in training.
     """
 
     def __init__(self) -> None:
         self._said: set[tuple[int, str]] = set()
         self._outages: dict[int, Outage] = {}
+        self._rates: dict[int, RateChange] = {}
 
     def show(self, samples: Samples, tallies: list[Tally]) -> None:
         """Say it while a session runs."""
@@ -333,6 +337,9 @@ class _Aside:
             if tally.outages and tally.outages[-1] != self._outages.get(number):
                 self._outages[number] = tally.outages[-1]
                 say_aside(f"{tally.target}: {tally.outages[-1].words()}")
+            if tally.rate_changes and tally.rate_changes[-1] != self._rates.get(number):
+                self._rates[number] = tally.rate_changes[-1]
+                say_aside(f"{tally.target}: {tally.rate_changes[-1].words()}")
 
 
 def _known_classes(bundles: Sequence[Path], trust: Trust | None) -> dict[str, tuple[str, ...]]:

@@ -61,6 +61,8 @@ class Record:
 
     def run(self) -> None:
         """Record, then print what was recorded and what was lost."""
+        from taxel.sources.boards.ledger import BoardLedger
+        from taxel.sources.boards.source import SerialBoards
         from taxel.sources.opening import open_source
 
         if not self.seconds > 0:
@@ -81,10 +83,14 @@ class Record:
                 overwrite=self.overwrite,
                 stopped=stopped,
             )
+            boards = source.boards() if isinstance(source, SerialBoards) else []
         if self.json:
-            print_json(ledger, indent=None)
-        else:
-            say(ledger_line(ledger))
+            print_json(ledger | ({"boards": boards} if boards else {}), indent=None)
+            return
+        say(ledger_line(ledger))
+        for board in boards:
+            if losses := BoardLedger(**board).losses():
+                say(f"  {board['path']}: {losses}")
 
     def _record_plan(self, plan: Path) -> None:
         """Record trial after trial of a plan."""

@@ -28,6 +28,7 @@ from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.decisions.still_channels import StillChannel
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.live.outages import Outage, OutageWatch
+from taxel.live.rate_watch import RateChange
 from taxel.live.recogniser import Answer, Recogniser
 from taxel.live.station.beats import Work
 from taxel.live.station.packets import Packet, pack, unpack
@@ -253,6 +254,7 @@ class _RecogniseWatcher:
                 self._send(answer, times)
             self._say(self._recogniser.gate_moves())
             self._say(self._recogniser.still_channels())
+            self._say(self._recogniser.rate_changes())
 
     def end(self) -> None:
         """Answer the stream's last, padded window, if there is one."""
@@ -260,7 +262,7 @@ class _RecogniseWatcher:
             self._send(answer, {})
         self._say(self._recogniser.still_channels())
 
-    def _say(self, news: Sequence[GateMove | StillChannel | Outage]) -> None:
+    def _say(self, news: Sequence[GateMove | StillChannel | Outage | RateChange]) -> None:
         """Send news of channels, for the log and the page."""
         for item in news:
             text = f"{self._target}: {item.words()}"

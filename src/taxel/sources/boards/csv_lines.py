@@ -28,6 +28,12 @@ _NUMBER = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _NOT_A_NUMBER = {b"nan": math.nan, b"inf": math.inf, b"-inf": -math.inf, b"ovf": math.nan}
 """How Arduino's print writes floats that are none. Source: Print.cpp, printFloat."""
 _BETWEEN = re.compile(rb"[,;\t ]+")
+_BETWEEN_TEXT = re.compile(r"[,;\t ]+")
+_DIGIT = re.compile(rb"[0-9]")
+_NO_NAME = re.compile(r"[-+.0-9]|[^\w]*$")
+"""How what is no channel's name begins, or all of it: damage of a line of numbers."""
+_WRAP = 2**32
+"""A printed clock counts so far. Source: Arduino's millis() and micros(), unsigned long."""
 _LONGEST_LINE = 4096
 """Bytes without an end of line that are thrown away. Our choice."""
 _MEASURED_S = 1.0
@@ -37,6 +43,9 @@ _STALE_S = 0.03
 """What comes so soon after opening may have lain in a buffer since who knows when, seconds."""
 _JUMP_S = 1.0
 """A printed clock that gains this on the host's, or steps back by it, began anew, seconds."""
+_AHEAD_S, _AHEAD_PERIODS = 0.02, 5
+"""A printed clock may have gone on by so much more than the arrivals, seconds and lines: more needs
+a second line that says so. Source: docs/decisions/0014, as of boards that count."""
 _A_SECOND = {"ms": 1e3, "us": 1e6}
 
 
@@ -46,7 +55,8 @@ class CsvStream:
     Until it is `ready` it watches for a second (for three lines where the rate is known): the
     usual number of columns, their names, and the rate at which lines come. Then a line with
     another number of columns, or with what is no number, is bad, counted, and leaves a
-    missing scan; a line of words leaves none.
+    missing scan; a line of words leaves none. A single line whose printed clock runs ahead of the
+    host's is bad, too.
 
     Args:
         path: Its port, for the ledger.
@@ -72,9 +82,10 @@ class CsvStream:
         self._known_rate = rate_hz
         self._per_second = _A_SECOND.get(time)
         self._full_scale = full_scale
-        self._rest = b""
+        self._rest = self._separator = b""
         self._whole_lines = False
-        self._header: list[str] = []
+        self._header: tuple[list[str], bytes] = [], b""
+        self._held: tuple[int, list[float]] | None = None
         self._watched: list[tuple[float, list[float]]] = []
         self._columns = 0
         self._seq = -1
@@ -129,21 +140,53 @@ class CsvStream:
             numbers = numbers_of(line)
             if not self.ready:
                 self._watch(numbers, line, arrival_s)
-            elif numbers is None and not any(byte in b"0123456789" for byte in line):
+            elif numbers is None and (names_of(line) or not _DIGIT.search(line)):
                 self._bad["text"] += 1
             else:
                 self._seq += 1
                 if numbers is None or len(numbers) != self._columns:
-                    self._bad["line" if numbers is None else "columns"] += 1
-                    self.ledger.lost += 1
+                    self._lose("line" if numbers is None else "columns")
                 else:
                     rows.append((self._seq, numbers))
+        rows = self._credible(rows, arrival_s)
         return self._scans(rows, arrival_s) if rows else []
+
+    def _lose(self, why: str) -> None:
+        self._bad[why] += 1
+        self.ledger.lost += 1
+
+    def _credible(
+        self, rows: list[tuple[int, list[float]]], arrival_s: float
+    ) -> list[tuple[int, list[float]]]:
+        """Return the rows whose printed clock may be believed; one that runs ahead waits for the
+        next, which goes on from it or shows that it was damaged.
+        """
+        if self._per_second is None or self._last is None:
+            return rows
+        kept: list[tuple[int, list[float]]] = []
+        began = float(self._last[0] % _WRAP)
+        most = (_AHEAD_S + _AHEAD_PERIODS / self.rate_hz + max(0.0, arrival_s - self._last[1])) * (
+            self._per_second
+        )
+        for row in rows:
+            if self._held is not None:
+                (seq, numbers), self._held = self._held, None
+                if 0 <= _step(numbers[0], row[1][0]) <= most:
+                    kept.append((seq, numbers))
+                else:
+                    self._lose("line")
+            if most < _step(began, row[1][0]) < _JUMP_S * self._per_second:
+                self._held = row
+                continue
+            kept.append(row)
+        return kept
 
     def _watch(self, numbers: list[float] | None, line: bytes, arrival_s: float) -> None:
         if numbers is None:
-            self._header = [part.decode("ascii", "replace") for part in _BETWEEN.split(line)]
+            if names := names_of(line):
+                self._header = names, _between(line)
             return
+        self._separator = _between(line)
         watched = self._watched
         watched.append((arrival_s, numbers))
         span_s = arrival_s - watched[0][0]
@@ -155,7 +198,9 @@ class CsvStream:
             return
         self._columns = columns
         self.rate_hz = self._known_rate or self._measured(columns, span_s)
-        names = self._header if len(self._header) == columns else []
+        names, separator = self._header
+        if len(names) != columns or (columns > 1 and separator != self._separator):
+            names = []
         given = names[timed:] or [f"c{i}" for i in range(columns - timed)]
         self.channels = self.channels or tuple(given)
         self.ledger.state, self._watched = "silent", []
@@ -243,3 +288,30 @@ def numbers_of(line: bytes) -> list[float] | None:
         else:
             return None
     return numbers
+
+
+def names_of(line: bytes) -> list[str]:
+    """Return the channels' names that a header line holds; none where it is no header.
+
+    A name begins with no digit and comes once; else the line is damaged or says something else.
+    """
+    try:
+        parts = [part.strip("\"'") for part in _BETWEEN_TEXT.split(line.decode().strip(" \t,;"))]
+    except UnicodeDecodeError:
+        return []
+    if len(set(parts)) < len(parts) or any(
+        _NO_NAME.match(part) or not part.isprintable() for part in parts
+    ):
+        return []
+    return parts
+
+
+def _between(line: bytes) -> bytes:
+    """Return what parts a line's fields: a comma, a semicolon, or blanks."""
+    return next((mark for mark in (b",", b";") if mark in line), b" ")
+
+
+def _step(before: float, after: float) -> float:
+    """Return how far a printed clock went on, in its unit, past its wrap too; NaN counts as 0."""
+    step = (np.nan_to_num(after) - np.nan_to_num(before)) % _WRAP
+    return float(step if step < _WRAP / 2 else step - _WRAP)

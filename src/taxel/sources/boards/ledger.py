@@ -77,6 +77,16 @@ class BoardLedger:
     overrun: int = 0
     """Chunks of bytes dropped since nobody read for a minute."""
 
+    def losses(self) -> str:
+        """Return in words what of its scans is not in the rows; empty where that is none."""
+        found = {
+            "lost": self.lost, "lost while its port was gone": self.lost_away,
+            "too late for their rows": self.late, "not sent by the board": self.dropped,
+            "damaged lines or messages": sum(n for why, n in self.bad.items() if why != "text"),
+            "reconnects": self.reconnects, "restarts": self.reboots,
+        }  # fmt: skip
+        return ", ".join(f"{count} {what}" for what, count in found.items() if count)
+
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain values, for a page or a report."""
         return asdict(self)

@@ -148,7 +148,9 @@ class BoardMerge:
         ticks = seq + board.offset
         apart = self._position(float(scans.fitted_s[-1])) - int(ticks[-1])
         away = board.gone_s is not None or first
-        if abs(apart) > _SLIP and (away or not lead):
+        # A lead that counts lines, not ticks, has not counted those that it did not print.
+        behind = lead and apart > _SLIP and int(ticks[0]) < self._next
+        if abs(apart) > _SLIP and (away or behind or not lead):
             # A faster board's two scans of one tick: the second takes the first's place.
             earliest = board.last_tick + (1 if lead or away else 0)
             move = max(round(apart), earliest - int(ticks[0]))
