@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from taxel.signals import Frame, Samples
+from taxel.signals import Frame, Samples, Validity
 from taxel.sources.contract import Source
 
 REPORT_S = 0.25
@@ -61,7 +61,9 @@ class SourceNews:
             self._count(frame.camera, np.array([frame.counter]))
         count = len(frames) if self._cameras else len(samples)
         if count:
-            self._heard_s = now_s
+            # Rows go on without boards that are gone: what is missing was not heard.
+            if len(frames) or not (samples.validity & np.uint8(Validity.MISSING)).all():
+                self._heard_s = now_s
             self._came.append((now_s, count))
         self._produced += len(samples) + len(frames)
 
