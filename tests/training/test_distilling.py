@@ -164,6 +164,14 @@ def test_another_start_takes_the_statistics_of_touch_and_a_fitted_top() -> None:
     assert not torch.equal(student.norm.running_mean, before)
 
 
+def test_the_closed_form_says_how_far_it_is() -> None:
+    """It sees most images once, which takes minutes: silence would look like a hang."""
+    calls: list[tuple[int, int]] = []
+    distil(Small(3), _lessons(), CONFIG, on_fit=lambda done, of: calls.append((done, of)))
+    assert [of for _, of in calls] == [81] * len(calls)
+    assert (calls[0][0], calls[-1][0]) == (64, 81)
+
+
 def test_agreement_counts_first_answers_and_the_commonest() -> None:
     answers = np.zeros((5, 1000), np.float32)
     answers[range(5), [3, 3, 3, 8, 9]] = 1

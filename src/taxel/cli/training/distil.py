@@ -102,6 +102,9 @@ class Distil:
                 on_step=lambda step, of, loss: bar.update(
                     task, description=f"learning, loss {loss:.3f}", completed=step, total=of
                 ),
+                on_fit=lambda done, of: bar.update(
+                    task, description="fitting the top", completed=done, total=of
+                ),
             )  # fmt: skip
             plain = agreement(student.module, unseen, plain=True, batch=self.batch)
             altered = None

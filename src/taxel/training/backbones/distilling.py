@@ -117,6 +117,7 @@ def distil(
     *,
     kept: KeptEpochs | None = None,
     on_step: Callable[[int, int, float], None] = lambda _step, _of, _loss: None,
+    on_fit: Callable[[int, int], None] = lambda _images, _of: None,
 ) -> tuple[LessonEpoch, ...]:
     """Train a student in place, on the device of its images; return what each epoch gave.
 
@@ -126,6 +127,8 @@ def distil(
         config: How.
         kept: Where a run that is broken off goes on from; None keeps nothing.
         on_step: Called with the step's number, how many there are and its loss.
+        on_fit: Called before the first epoch with the images that the top was fitted to so far,
+            and how many there are.
 
     Raises:
         BadInput: The checkpoint is damaged or belongs to other images or another configuration, or
@@ -138,7 +141,7 @@ def distil(
     history: list[LessonEpoch] = []
     if kept is not None and kept.resume and kept.path.exists():
         history = load_checkpoint(kept.path, network, adam, config, LessonEpoch, job)
-    norms_kept = history[-1].norms_kept if history else begin(network, lessons, config)
+    norms_kept = history[-1].norms_kept if history else begin(network, lessons, config, on_fit)
     rate = config.learning_rate * (_KEPT_PACE if norms_kept else 1.0)
     _set_momentum(network, _NORM_MOMENTUM)
     steps = len(lessons) // config.batch or 1
@@ -195,7 +198,12 @@ def agreement(
     )
 
 
-def begin(network: nn.Module, lessons: Learnable, config: DistilConfig) -> bool:
+def begin(
+    network: nn.Module,
+    lessons: Learnable,
+    config: DistilConfig,
+    on_fit: Callable[[int, int], None] = lambda _images, _of: None,
+) -> bool:
     """Settle norms and fit the top, unless the student's answers are nearer as it is.
 
     They are where it begins as its teacher with blocks that do nothing yet: statistics of touch
@@ -210,7 +218,7 @@ def begin(network: nn.Module, lessons: Learnable, config: DistilConfig) -> bool:
     before = {name: value.clone() for name, value in network.state_dict().items()}
     loss = _mean_loss(network, lessons, config, judges)
     settle_norms(network, lessons, config, others)
-    fit_top(network, lessons, config, others)
+    fit_top(network, lessons, config, others, on_fit)
     stays = loss < _mean_loss(network, lessons, config, judges)
     if stays:
         network.load_state_dict(before)
@@ -252,6 +260,7 @@ def fit_top(
     lessons: Learnable,
     config: DistilConfig,
     rows: NDArray[np.intp] | None = None,
+    on_fit: Callable[[int, int], None] = lambda _images, _of: None,
 ) -> None:
     """Fit the top to the teacher's logits: least squares, held near what it is (ridge).
 
@@ -260,6 +269,7 @@ def fit_top(
         lessons: Images with the teacher's answers.
         config: How many at a time.
         rows: Those to use; all unless given.
+        on_fit: Called with how many of them were seen, and how many there are.
     """
     top = network.get_submodule("predictions")
     assert isinstance(top, nn.Linear)
@@ -269,6 +279,7 @@ def fit_top(
     )
     network.eval()
     rests: list[Tensor] = []
+    done = 0
     with torch.no_grad():
         rows = np.arange(len(lessons)) if rows is None else rows
         for part, count in _blocks(rows, max(config.batch, _EVALUATION_BATCH)):
@@ -276,6 +287,8 @@ def fit_top(
             with _numbers(config, images.device):
                 rests.append((answers - network(images).float())[:count])
             pooled[-1] = pooled[-1][:count]
+            done += count
+            on_fit(done, len(rows))
     hook.remove()
     features, rest = torch.cat(pooled), torch.cat(rests)
     middle, mean_rest = features.mean(dim=0), rest.mean(dim=0)
