@@ -93,7 +93,7 @@ def live_station(options: StationOptions) -> dict[str, Any]:
     from taxel.live.station.guard import GuardConfig
     from taxel.live.station.station import Station
     from taxel.live.station.wiring import StationConfig
-    from taxel.recordings.writer import check_output
+    from taxel.recordings.part_file import check_output
     from taxel.views.keys import Keys
 
     check_bus(options.publish)
