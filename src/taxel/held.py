@@ -129,13 +129,44 @@ def only_writer(output: Path) -> Iterator[None]:
         os.close(held)
 
 
+def lock_file(held: int, *, shared: bool = False, without: bool = True) -> bool:
+    """Lock an open file for as long as it is open anywhere, unless another process has.
+
+    Args:
+        held: Its descriptor.
+        shared: Others may lock it as well that share it.
+        without: What to return where there are no such locks.
+    """
+    if sys.platform == "win32":
+        return without
+    import fcntl
+
+    try:
+        fcntl.flock(held, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError as error:
+        if error.errno not in _NO_LOCKS:
+            raise
+        return without
+    return True
+
+
+def unlock_file(held: int) -> None:
+    """Unlock a file, also where a forked process still has its descriptor."""
+    if sys.platform != "win32":
+        import fcntl
+
+        fcntl.flock(held, fcntl.LOCK_UN)
+
+
 def _own(folder: Path, output: Path) -> int:
     """Lock a folder's sign before it takes its name, so that nobody finds it without a lock."""
     new = folder / f"{_OWNER}.new"
     held = os.open(new, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
     try:
         os.write(held, _SIGN + os.fsencode(output))
-        _lock(held)
+        lock_file(held)
         os.rename(new, folder / _OWNER)
     except BaseException:
         os.close(held)
@@ -148,7 +179,7 @@ def _abandoned(folder: Path) -> int | None:
     if sys.platform == "win32" or folder.is_symlink() or not folder.is_dir():
         return None
     held = os.open(folder / _OWNER, os.O_RDWR | _NO_LINK)
-    if os.read(held, len(_SIGN)) == _SIGN and _lock(held, without=False):
+    if os.read(held, len(_SIGN)) == _SIGN and lock_file(held, without=False):
         return held
     os.close(held)
     return None
@@ -172,7 +203,7 @@ def _take(path: Path) -> int | None:
         # Never through a link: what it leads to would be emptied, and may be anybody's.
         held = os.open(path, os.O_RDWR | os.O_CREAT | _NO_LINK, 0o600)
         try:
-            if not _lock(held):
+            if not lock_file(held):
                 os.close(held)
                 return None
             with suppress(FileNotFoundError):
@@ -190,23 +221,6 @@ def _pid_in(path: Path) -> str:
     with suppress(OSError, ValueError):
         return str(int(path.read_text("ascii", "replace")[:20]))
     return "unknown"
-
-
-def _lock(held: int, *, without: bool = True) -> bool:
-    """Lock a file unless another has; return `without` where there are no such locks."""
-    if sys.platform == "win32":
-        return without
-    import fcntl
-
-    try:
-        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError as error:
-        if error.errno not in _NO_LOCKS:
-            raise
-        return without
-    return True
 
 
 def _refused(output: Path, error: OSError) -> RecordingFailed:

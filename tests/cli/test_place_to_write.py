@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from taxel.cli.main import main
+from taxel.errors import BadInput
+from taxel.recordings.whole import check_place
 
 
 @pytest.mark.parametrize(
@@ -38,3 +40,15 @@ def test_it_is_refused_before_anything_is_read(
     assert needed in printed
     assert sorted(path.name for path in tmp_path.iterdir()) == ["card.json", "d", "file"]
     assert (tmp_path / "file").read_text() == "mine"
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="no /proc on this system")
+def test_a_folder_that_takes_no_files_though_its_mode_says_so_is_refused() -> None:
+    """Root may write to /proc by its mode, and still makes no file there."""
+    with pytest.raises(BadInput, match="/proc, which may not be written"):
+        check_place(Path("/proc/h.mcap"))
+
+
+def test_a_place_to_write_is_left_as_it_was(tmp_path: Path) -> None:
+    check_place(tmp_path / "more" / "h.mcap")
+    assert list(tmp_path.iterdir()) == []

@@ -6,6 +6,7 @@ import pytest
 import tyro
 
 from taxel.cli.live.bundle import Bundle
+from taxel.cli.main import main
 from taxel.cli.recordings.simulate.teng import Teng
 from taxel.cli.training.train import Train
 from taxel.errors import BadInput
@@ -83,3 +84,59 @@ def test_a_network_stands_clear_where_its_whole_interval_does_and_runs_could_be_
     assert found == standing
     assert "“means”" in said
     assert (few_groups("session", groups) is None) == (groups > 5)
+
+
+@pytest.mark.parametrize(
+    ("file", "words", "said"),
+    [
+        ("expert.json", ["--split", "random"], "a run that a search chose"),
+        ("weights.json", [], "the run of a recipe"),
+        ("weights.json", ["--split", "random"], ""),
+        ("expert.json", [], ""),
+    ],
+)
+def test_a_run_of_the_other_kind_is_named_before_it_is_replaced(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str], file: str, words: list[str], said: str,
+) -> None:  # fmt: skip
+    """Both have the place runs/DATA-TARGET; nothing is replaced before the work is done."""
+    run = tmp_path / "runs" / "data-shape"
+    run.mkdir(parents=True)
+    for name in ("run.json", file):
+        (run / name).touch()
+
+    def begin(*_: object, **__: object) -> None:
+        raise BadInput("a", "b", "begun")
+
+    monkeypatch.setattr("taxel.evaluation.checked.check_recipe", begin)
+    monkeypatch.setattr("taxel.evaluation.expert.train_expert", begin)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BadInput, match="begun"):
+        tyro.cli(Train, args=[str(data), "--target", "shape", *words]).run()
+
+    note = f"note: runs/data-shape, {said}, will be replaced; to keep it, choose another --output\n"
+    assert capsys.readouterr().err == (note if said else "")
+    assert (run / file).exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "other"),
+    [
+        (["--split", "random"], "--split random"),
+        (["--model", "cnn2d"], "--model cnn2d"),
+        (["--recipe", "teng"], "--recipe teng"),
+        (["--window", "steps=50"], "--window"),
+        (["--epochs", "3"], "--epochs 3"),
+    ],
+)
+def test_an_option_of_the_search_beside_a_recipe_is_refused_by_both_names(
+    words: list[str], other: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["train", "recordings", "--minutes", "1", *words])
+
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == (
+        f"taxel: needed --minutes or {other}; got both; beside {other}, --minutes would change "
+        "nothing; leave one of the two out.\n"
+    )

@@ -77,9 +77,9 @@ def test_trials_that_a_table_does_not_name_are_counted(
     ("words", "need"),
     [
         ("--minutes 0", "--minutes above 0"),
-        ("--recipe array --minutes 3", "no recipe, model, window or --split random"),
+        ("--recipe array --minutes 3", "--minutes or --recipe array; got both"),
         ("--like nothing.json", "expert.json"),
-        ("--split random --target push --max-mb 3", "no recipe, model, window or --split random"),
+        ("--split random --target push --max-mb 3", "--max-mb or --split random; got both"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line(

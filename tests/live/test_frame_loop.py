@@ -75,6 +75,19 @@ def test_each_mark_comes_behind_its_last_moment_and_before_the_next_grasp(
     assert found == expected()
 
 
+def test_a_person_may_end_it_before_the_source_ends(recording: Path):
+    asked: list[bool] = []
+
+    def stopped() -> bool:
+        asked.append(True)
+        return len(asked) > 3
+
+    with open_source(f"replay://{recording}?speed=1", ManualClock()) as source:
+        found = list(moments_and_marks(source, FramePairer(2), lambda _: None, None, stopped))
+        assert not source.ended
+    assert 0 < len(found) < MOMENTS
+
+
 def test_a_read_that_comes_late_keeps_marks_where_they_lie(recording: Path):
     """Everything fell due while nobody read: one read gives frames of three grasps."""
     clock = ManualClock()

@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 
 from taxel.errors import RecordingFailed
+from taxel.recordings.part_file import part_path
 from taxel.recordings.reader import read_recording
 from taxel.recordings.recovery import recover
-from taxel.recordings.writer import Recorder, part_path
+from taxel.recordings.writer import Recorder
 from taxel.signals import Mark
 
 

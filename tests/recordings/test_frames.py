@@ -21,11 +21,12 @@ from taxel.errors import BadInput, RecordingFailed
 from taxel.recordings import frame_layout
 from taxel.recordings.chunk_content import decode_chunk
 from taxel.recordings.manifest import NO_ARRAY, Manifest
+from taxel.recordings.part_file import part_path
 from taxel.recordings.reader import iterate_blocks, iterate_frames, read_manifest, read_recording
 from taxel.recordings.recovery import recover
 from taxel.recordings.summary import summarise
 from taxel.recordings.tally import camera_line
-from taxel.recordings.writer import QUEUE_BYTES, Recorder, part_path
+from taxel.recordings.writer import QUEUE_BYTES, Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 
 CAMERAS = tuple(

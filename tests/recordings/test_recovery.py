@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from taxel.errors import BadInput, BadRecording
+from taxel.recordings.part_file import part_path
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.recordings.recovery import recover
 from taxel.recordings.recovery_report import RecoveryReport
-from taxel.recordings.writer import Recorder, part_path
+from taxel.recordings.writer import Recorder
 
 SCANS, SCANS_A_CHUNK = 120, 20
 

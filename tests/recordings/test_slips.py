@@ -7,9 +7,10 @@ import pytest
 
 from taxel.errors import BadInput
 from taxel.recordings.manifest import NO_ARRAY, Manifest
+from taxel.recordings.part_file import part_path
 from taxel.recordings.reader import iterate_blocks, iterate_frames, iterate_slips
 from taxel.recordings.recovery import recover
-from taxel.recordings.writer import Recorder, part_path
+from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, SlipNote
 
 CAMERAS = tuple(

@@ -7,6 +7,7 @@ import pytest
 
 from taxel.errors import BadInput, BadRecording, RecordingFailed
 from taxel.recordings.manifest import Manifest, from_record, to_record
+from taxel.recordings.part_file import part_path
 from taxel.recordings.reader import (
     iterate_blocks,
     iterate_samples,
@@ -14,7 +15,7 @@ from taxel.recordings.reader import (
     read_manifest,
     read_recording,
 )
-from taxel.recordings.writer import Recorder, part_path
+from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, Validity
 
 ARRAYS = ("values", "counter", "device_s", "arrival_s", "fitted_s", "validity")

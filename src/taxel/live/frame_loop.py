@@ -47,6 +47,7 @@ def moments_and_marks(
     pairer: FramePairer,
     see: Callable[[Frame], None],
     seconds: float | None = None,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> Iterator[FrameSet | Mark]:
     """Yield each moment that all cameras saw, and each mark behind the moments up to its end.
 
@@ -56,11 +57,12 @@ def moments_and_marks(
         see: Called with each frame, before the moment that it completes.
         seconds: Length on the frames' fitted clock, seconds; None has no end. Frames and marks
             beyond it are left out, however many a read gives at once.
+        stopped: True once it shall end early.
     """
     end_s: float | None = None
     last_s = -inf
     over = False
-    while not (over or source.ended):
+    while not (over or source.ended or stopped()):
         source.read()
         for item in frames_and_marks(source, last_s):
             if isinstance(item, Mark):

@@ -80,8 +80,9 @@ def run_grasp_session(
     seconds: float | None = None,
     config: StabilityConfig | None = None,
     on_answer: Callable[[GraspAnswer, bool], None] | None = None,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> GraspTally:
-    """Watch a source until it ends, or for some of its seconds; return the tally.
+    """Watch a source until it ends, is stopped, or for some of its seconds; return the tally.
 
     A mark ends a grasp: the next frames are a new one's settled first moments.
 
@@ -92,6 +93,7 @@ def run_grasp_session(
             beyond it are left out, however many a read gives at once.
         config: Thresholds in place of the bundle's.
         on_answer: Called with each answer, and True where the state, or why it is so, has changed.
+        stopped: True once it shall end early.
 
     Raises:
         BadBundle: The bundle was not made for such cameras.
@@ -102,7 +104,7 @@ def run_grasp_session(
     before: tuple[Stability, str | None] | None = None
     begin_s: float | None = None
     first_alarm_s: float | None = None
-    for found in moments_and_marks(source, pairer, monitor.see, seconds):
+    for found in moments_and_marks(source, pairer, monitor.see, seconds, stopped):
         if isinstance(found, Mark):
             tally.grasps.append(_outcome(found, first_alarm_s))
             gone = monitor.over(found.end_s)

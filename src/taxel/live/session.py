@@ -206,8 +206,9 @@ def run_session(
     seconds: float | None = None,
     show: Show | None = None,
     rules: RuleTable = _NO_RULES,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> list[Tally]:
-    """Read a source until it ends, or for some of its seconds; return the tallies.
+    """Read a source until it ends, is stopped, or for some of its seconds; return the tallies.
 
     Args:
         source: An open source.
@@ -216,6 +217,7 @@ def run_session(
             beyond it are left out, however many a read gives at once.
         show: Draws the screen.
         rules: What is to be done about what is recognised.
+        stopped: True once it shall end early.
     """
     tallies = [
         Tally(
@@ -229,7 +231,7 @@ def run_session(
     ]
     end_s: float | None = None
     over = False
-    while not (over or source.ended):
+    while not (over or source.ended or stopped()):
         samples = _read(source, recognisers)
         if end_s is None and len(samples):
             end_s = float(samples.fitted_s[0]) + (inf if seconds is None else seconds)

@@ -71,8 +71,9 @@ def run_trial_session(
     least_confidence: float = 0.5,
     on_answer: Callable[[TrialAnswer, bool], None] = lambda answer, changed: None,
     rules: RuleTable = _NO_RULES,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> TrialTally:
-    """Watch a source until it ends, or for some of its seconds; return the tally.
+    """Watch a source until it ends, is stopped, or for some of its seconds; return the tally.
 
     A mark ends a trial, and so does the source's end.
 
@@ -83,6 +84,7 @@ def run_trial_session(
         least_confidence: Below this probability the verdict is UNKNOWN, 0…1.
         on_answer: Called with each answer, and True where the verdict or its crops have changed.
         rules: What is to be done about a verdict.
+        stopped: True once it shall end early.
 
     Raises:
         BadBundle: The bundle was not made for such cameras.
@@ -100,7 +102,7 @@ def run_trial_session(
             on_answer(answer, True)
         before = None
 
-    for found in moments_and_marks(source, pairer, watch.see, seconds):
+    for found in moments_and_marks(source, pairer, watch.see, seconds, stopped):
         if isinstance(found, Mark):
             finish(found)
             continue

@@ -22,8 +22,8 @@ from taxel.foreign.json_text import parse_json
 from taxel.recordings import scan_layout as layout
 from taxel.recordings.chunk_content import ChunkContent, decode_chunk
 from taxel.recordings.manifest import Manifest, from_record
+from taxel.recordings.part_file import PART_SUFFIX, part_path
 from taxel.recordings.walk import damaged, open_chunk, parse_metadata, walk
-from taxel.recordings.writer import PART_SUFFIX, part_path
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SlipNote
 
 _MARK_BYTES = 1000

@@ -28,6 +28,7 @@ from taxel.recordings import scan_layout as layout
 from taxel.recordings.chunk_content import decode_chunk
 from taxel.recordings.manifest import Manifest, from_record
 from taxel.recordings.mcap_file import COMPRESSION, MAGIC, RECORD_HEAD
+from taxel.recordings.part_file import hold_to_read
 from taxel.recordings.recovery_report import RecoveryReport
 from taxel.recordings.walk import (
     LARGEST_CHUNK,
@@ -80,7 +81,8 @@ def recover(
         progress: Called with the share done, 0 to 1.
 
     Raises:
-        BadRecording: It is missing, empty, or both copies of its manifest are damaged.
+        BadRecording: It is missing, empty, or being recorded, or both copies of its manifest are
+            damaged.
         BadInput: The output exists, or is the damaged file itself.
         RecordingFailed: The disk refused the output.
     """
@@ -100,9 +102,12 @@ def _mapped(path: Path) -> mmap.mmap:
     """Return the file's bytes, of which only those that are looked at are read."""
     try:
         with open_file(path) as file:
+            hold_to_read(file, path)  # for as long as it is mapped
             return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except BadFile as error:
         raise BadRecording("a recording's file", error.got, "name a recording (.mcap)") from error
+    except BadRecording:
+        raise
     except OSError as error:
         raise BadRecording(
             "a recording that can be opened", f"{path}: {error.strerror}", "check the path"

@@ -9,6 +9,7 @@ import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from taxel.errors import BadInput, BadTable, RecordingFailed
 from taxel.held import MADE, REPLACED, scratch_folder
@@ -25,7 +26,7 @@ def write_whole(path: Path, data: bytes | str) -> None:
 
 
 def check_place(path: Path) -> None:
-    """Refuse, before long work, a file that could not be written at its end; nothing is made.
+    """Refuse, before long work, a file that could not be written at its end; nothing is left.
 
     Raises:
         BadInput: It is a folder, or the nearest folder above it that is there is none or is closed.
@@ -33,9 +34,20 @@ def check_place(path: Path) -> None:
     if path.is_dir():
         raise BadInput(f"a file to write, {path.name}", f"the folder {path}", "name another")
     above = next(place for place in path.absolute().parents if os.path.lexists(place))
-    if not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
+    if not above.is_dir() or not _takes_files(above):
         got = "which may not be written" if above.is_dir() else "which is no folder"
         raise BadInput(f"a folder to write {path.name} in", f"{above}, {got}", "name another")
+
+
+def _takes_files(folder: Path) -> bool:
+    """True where a file can be made in a folder: who may do all may still make none in /proc."""
+    if not os.access(folder, os.W_OK | os.X_OK):
+        return False
+    try:
+        with TemporaryFile(dir=folder):  # without a name, where the system knows such files
+            return True
+    except OSError:
+        return False
 
 
 @contextmanager

@@ -12,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import shlex
 import threading
 import time
 from collections import deque
@@ -26,11 +25,18 @@ from taxel.errors import BadInput, RecordingFailed
 from taxel.held import output_of
 from taxel.recordings.chunk_writer import ChunkWriter, Item
 from taxel.recordings.manifest import Manifest, check_manifest
+from taxel.recordings.part_file import (
+    let_go,
+    open_part,
+    part_path,
+    recover_command,
+    refuse_existing,
+    remove_part,
+    take_name,
+)
 from taxel.recordings.scan_layout import FURTHEST_S
 from taxel.signals import Frame, Mark, Samples, SlipNote
 
-PART_SUFFIX = ".part"
-"""Added to the name of a recording that is not finished."""
 FLUSH_S = 0.05
 """Half of the 0.1 s that a kill -9 may take (docs/decisions/0004)."""
 QUEUE_SCANS = 60_000
@@ -57,8 +63,8 @@ class Recorder:
         opener: Opens the file for unbuffered writing; tests pass a full disk.
 
     Raises:
-        BadInput: The file exists, or its unfinished part does; or the manifest could not be
-            read again.
+        BadInput: The file exists, or its unfinished part does, or another process is recording
+            to it; or the manifest could not be read again.
         RecordingFailed: The file cannot be created.
     """
 
@@ -75,6 +81,7 @@ class Recorder:
     ) -> None:
         self._path = path
         self._part = part_path(path)
+        self._overwrite = overwrite
         self._manifest = manifest
         self._flush_s = flush_s
         self._queue_scans = queue_scans
@@ -93,10 +100,10 @@ class Recorder:
         self._change = threading.Condition()
         self._thread = threading.Thread(target=self._run, name="taxel-recorder", daemon=True)
         check_manifest(manifest)
-        _refuse_existing(path, overwrite)
+        refuse_existing(path, overwrite)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._raw = opener(self._part) if opener else _open_unbuffered(self._part, overwrite)
+            self._raw = opener(self._part) if opener else open_part(path, overwrite)
         except OSError as error:
             raise self._failed(error) from error
         try:
@@ -300,15 +307,16 @@ class Recorder:
         try:
             self._content.finish(ended)
             os.fsync(self._raw.fileno())
-            os.replace(self._part, self._path)
+            take_name(self._raw, self._path, self._overwrite)
+        except RecordingFailed as error:
+            self._error = error
         except OSError as error:
             self._error = self._failed(error)
 
     def _clear_away(self) -> None:
-        """Close and remove the part, where there is one."""
+        """Remove the part, where there is one, and close it."""
+        remove_part(self._raw, self._path)
         self._close_file()
-        with contextlib.suppress(OSError):
-            self._part.unlink(missing_ok=True)
 
     def _close_file(self) -> None:
         """Close the file; where the disk still holds the thread, as soon as that is done with it.
@@ -320,8 +328,7 @@ class Recorder:
         def close() -> None:
             if busy:
                 self._thread.join()
-            with contextlib.suppress(OSError):
-                self._raw.close()
+            let_go(self._raw)
 
         if busy:
             threading.Thread(target=close, name="taxel-recorder-close", daemon=True).start()
@@ -354,46 +361,3 @@ class Recorder:
 
 def _bytes_of(item: Item) -> int:
     return len(item.jpeg) if isinstance(item, Frame) else 0
-
-
-def part_path(path: Path) -> Path:
-    """Return the name under which a recording is written until it is complete."""
-    return path.with_name(path.name + PART_SUFFIX)
-
-
-def _open_unbuffered(path: Path, overwrite: bool) -> BinaryIO:
-    return path.open("wb" if overwrite else "xb", buffering=0)
-
-
-def check_output(path: Path, overwrite: bool) -> None:
-    """Refuse a recording to be, before anything is opened for it.
-
-    Args:
-        path: Where it is to be; a folder that is missing is made as the recording begins.
-        overwrite: Replace an existing recording, and an unfinished one.
-
-    Raises:
-        BadInput: Its name does not end in .mcap, or there is a recording or an unfinished one.
-    """
-    if path.suffix != ".mcap":
-        raise BadInput("a recording to be that ends in .mcap", str(path), "rename it")
-    _refuse_existing(path, overwrite)
-
-
-def _refuse_existing(path: Path, overwrite: bool) -> None:
-    part = part_path(path)
-    if overwrite:
-        return
-    if path.exists():
-        raise BadInput("a new file to record to", f"{path}, which exists", "add --overwrite")
-    if part.exists():
-        raise BadInput(
-            "a new file to record to",
-            f"the unfinished {part}",
-            f"run: {recover_command(path)}, or add --overwrite",
-        )
-
-
-def recover_command(path: Path) -> str:
-    """Return the command that saves what an unfinished recording holds."""
-    return shlex.join(["taxel", "recover", str(part_path(path)), "--output", str(path)])

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from taxel.errors import BadInput
 from taxel.live.station.shared import SHARED, create_shared, sweep
 
 pytestmark = pytest.mark.skipif(not SHARED.is_dir(), reason="no /dev/shm on this system")
@@ -74,3 +75,36 @@ def test_names_differ_and_a_name_that_is_taken_is_passed_over():
         block.close()
         block.unlink()
     assert len(names) == 4
+
+
+def test_a_limit_on_the_size_of_files_is_named_and_leaves_nothing_behind():
+    """In a process of its own: the limit holds for all that it writes."""
+    words = (
+        "import resource\n"
+        "from taxel.errors import BadInput\n"
+        "from taxel.live.station.shared import create_shared\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (300 * 1024, resource.RLIM_INFINITY))\n"
+        "create_shared(300 * 1024).unlink()\n"
+        "try:\n"
+        "    create_shared(8 * 2**20)\n"
+        "except BadInput as error:\n"
+        "    print(error)\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", words], capture_output=True, text=True, timeout=60, check=True
+    )
+
+    assert ended.stdout == (
+        "needed 8.0 MiB of shared memory; got a limit of 307,200 bytes on the size of a file "
+        "(ulimit -f); raise it with ulimit -f unlimited, or start this from another shell.\n"
+    )
+    assert ended.stderr == ""
+
+
+def test_what_else_refuses_shared_memory_is_one_plain_line(monkeypatch: pytest.MonkeyPatch):
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(shared_memory, "SharedMemory", refuse)
+    with pytest.raises(BadInput, match="64 bytes of shared memory; got Permission denied"):
+        create_shared(64)

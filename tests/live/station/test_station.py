@@ -23,9 +23,9 @@ from taxel.live.station import station as supervision
 from taxel.live.station.page_link import StationView
 from taxel.live.station.station import Station
 from taxel.live.station.wiring import StationConfig
+from taxel.recordings.part_file import part_path
 from taxel.recordings.reader import iterate_frames, read_recording
 from taxel.recordings.recovery import recover
-from taxel.recordings.writer import part_path
 from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
 from taxel.sources.simulated.pour_sets import CAMERA_HZ, write_run
 

@@ -193,9 +193,9 @@ def slow_page_rows() -> list[Row]:
 
 def full_disk_rows() -> list[Row]:
     """Let the disk end in the middle of a recording."""
+    from taxel.recordings.part_file import part_path
     from taxel.recordings.reader import iterate_frames
     from taxel.recordings.recovery import recover
-    from taxel.recordings.writer import part_path
 
     size = 1_500_000
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:

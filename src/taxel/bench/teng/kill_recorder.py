@@ -14,9 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from taxel.recordings.manifest import Manifest
+from taxel.recordings.part_file import part_path
 from taxel.recordings.reader import read_recording
 from taxel.recordings.recovery import recover
-from taxel.recordings.writer import Recorder, part_path
+from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, SensorInfo
 
 CHANNELS, BLOCK = 12, 5

@@ -9,7 +9,7 @@ import tyro
 
 from taxel.cli.options.page_address import LOCAL_ADDRESS, PageAddress, parse_address
 from taxel.cli.printing import console, print_json, say, say_aside
-from taxel.cli.recordings.recording import stop_signals
+from taxel.cli.recordings.recording import SUMMARY_FOLLOWS, stop_signals
 from taxel.errors import BadInput
 
 
@@ -41,7 +41,7 @@ class Fleet:
             raise BadInput("--seconds above 0", f"{self.seconds:g}", "give a longer time")
         host, port = parse_address(LOCAL_ADDRESS if self.page is None else self.page)
         with ExitStack() as stack:
-            stopped = stack.enter_context(stop_signals())
+            stopped = stack.enter_context(stop_signals(SUMMARY_FOLLOWS))
             watch = stack.enter_context(FleetWatch(parse_mqtt(self.broker)))
             if self.page is not None:
                 from taxel.fleet.page import FleetPage

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from taxel.cli.printing import console, print_json, say
+from taxel.cli.recordings.recording import SUMMARY_FOLLOWS, stop_signals
 from taxel.plain_text import visible, visible_line
 
 if TYPE_CHECKING:
@@ -61,8 +62,8 @@ def live_grasps(
                 ), soft_wrap=True,
             )  # fmt: skip
 
-    with open_source(source_url) as source:
-        tally = run_grasp_session(source, opened, seconds, on_answer=show)
+    with stop_signals(SUMMARY_FOLLOWS) as stopped, open_source(source_url) as source:
+        tally = run_grasp_session(source, opened, seconds, on_answer=show, stopped=stopped)
     result = tally.summary()
     if as_json:
         print_json(result)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
@@ -16,6 +16,7 @@ from taxel.cli.options.page_address import LOCAL_ADDRESS, PageAddress, parse_add
 from taxel.cli.options.pairs import Pairs, parse_pairs
 from taxel.cli.options.rules import Only
 from taxel.cli.printing import console, print_json, say, say_aside
+from taxel.cli.recordings.recording import SUMMARY_FOLLOWS, stop_signals
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
@@ -185,13 +186,16 @@ class Live:
         config = RecogniseConfig(least_confidence=self._least())
         shown: list[Tally] = []
         aside = _Aside()
-        for address in recordings_of(self.source):
-            with open_source(address) as source:
-                recognisers = [Recogniser(bundle, source.info, config) for bundle in bundles]
-                own = self._session(source, recognisers, rules, aside)
-            for tally, more in zip(shown, own, strict=bool(shown)):
-                tally.take_in(more)
-            shown = shown or own
+        with stop_signals(SUMMARY_FOLLOWS) as stopped:
+            for address in recordings_of(self.source):
+                with open_source(address) as source:
+                    recognisers = [Recogniser(bundle, source.info, config) for bundle in bundles]
+                    own = self._session(source, recognisers, rules, aside, stopped)
+                for tally, more in zip(shown, own, strict=bool(shown)):
+                    tally.take_in(more)
+                shown = shown or own
+                if stopped():
+                    break
         results = [
             {"bundle": str(file)} | tally.summary()
             for file, tally in zip(files, shown, strict=True)
@@ -234,20 +238,25 @@ class Live:
                 )
 
     def _session(
-        self, source: Source, recognisers: list[Recogniser], rules: RuleTable, aside: _Aside
+        self,
+        source: Source,
+        recognisers: list[Recogniser],
+        rules: RuleTable,
+        aside: _Aside,
+        stopped: Callable[[], bool],
     ) -> list[Tally]:
-        """Run one source to its end, on the screen where there is one."""
+        """Run one source until it ends or is stopped, on the screen where there is one."""
         from taxel.live.session import run_session
 
         newtons = self._newtons(source)
         if self.json or not console.is_terminal:
-            own = run_session(source, recognisers, self.seconds, aside.show, rules)
+            own = run_session(source, recognisers, self.seconds, aside.show, rules, stopped)
             aside.say(own)
             return own
         from taxel.views.live import LiveView
 
         with LiveView(console, source.info, recognisers, newtons) as view:
-            return run_session(source, recognisers, self.seconds, view.show, rules)
+            return run_session(source, recognisers, self.seconds, view.show, rules, stopped)
 
     def _seen(self, bundle: Bundle) -> str | None:
         """Return what must be said of an accuracy on what the bundle was trained on."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from rich.text import Text
 
 from taxel.cli.printing import console, print_json, say, say_aside
-from taxel.cli.recordings.recording import stop_signals
+from taxel.cli.recordings.recording import SUMMARY_FOLLOWS, stop_signals
 from taxel.errors import BadInput
 from taxel.plain_text import visible, visible_line
 
@@ -93,7 +93,7 @@ def live_station(options: StationOptions) -> dict[str, Any]:
     from taxel.live.station.guard import GuardConfig
     from taxel.live.station.station import Station
     from taxel.live.station.wiring import StationConfig
-    from taxel.recordings.writer import check_output
+    from taxel.recordings.part_file import check_output
     from taxel.views.keys import Keys
 
     check_bus(options.publish)
@@ -129,7 +129,9 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             guard=GuardConfig(silent_s=_PATIENT_S) if simulated else GuardConfig(),
             interlock=replace(interlock, **_PATIENCE) if simulated else interlock,
         )
-        stopped = stack.enter_context(stop_signals())
+        stopped = stack.enter_context(
+            stop_signals("completing the file" if options.record else SUMMARY_FOLLOWS)
+        )
         station = stack.enter_context(Station(config))
         keys = stack.enter_context(Keys())
         for actuator in actuators:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from taxel.cli.printing import console, print_json, say
+from taxel.cli.recordings.recording import SUMMARY_FOLLOWS, stop_signals
 from taxel.decisions.recognition import UNKNOWN
 from taxel.plain_text import visible, visible_line
 
@@ -42,21 +43,24 @@ def live_trials(
     _check_cameras(opened.contract, source)
     if opened.contract.crop == 1 and not as_json:
         say("note: trials of 1 frame: pictures alone, no motion")
-    for name, open_trial in _trials(source):
-        if name and not as_json:
-            say(f"{visible(name)}:")
-        with open_trial() as found:
-            tally = run_trial_session(
-                found, opened, seconds, least_confidence,
-                _nothing if as_json else _shown(opened, rules), rules,
-            )  # fmt: skip
-        for trial in tally.trials:
-            trial["trial"] = name or None
-        if total is None:
-            total = tally
-        else:
-            total.trials += tally.trials
-            total.looks_s += tally.looks_s
+    with stop_signals(SUMMARY_FOLLOWS) as stopped:
+        for name, open_trial in _trials(source):
+            if name and not as_json:
+                say(f"{visible(name)}:")
+            with open_trial() as found:
+                tally = run_trial_session(
+                    found, opened, seconds, least_confidence,
+                    _nothing if as_json else _shown(opened, rules), rules, stopped=stopped,
+                )  # fmt: skip
+            for trial in tally.trials:
+                trial["trial"] = name or None
+            if total is None:
+                total = tally
+            else:
+                total.trials += tally.trials
+                total.looks_s += tally.looks_s
+            if stopped():
+                break
     assert total is not None
     result = total.summary()
     result["warning"] = _seen(opened, source) if result["marked"] else None

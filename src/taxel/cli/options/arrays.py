@@ -68,7 +68,16 @@ class RecipeOptions:
     @property
     def unnamed(self) -> bool:
         """Return whether nothing of a recipe is named."""
-        return self.recipe is None and not self.window and self.epochs is None
+        return not self.named
+
+    @property
+    def named(self) -> str:
+        """Return the first option that names something of a recipe, as typed; empty if none."""
+        if self.recipe is not None:
+            return f"--recipe {self.recipe}"
+        if self.window:
+            return "--window"
+        return "" if self.epochs is None else f"--epochs {self.epochs}"
 
     def resolve(
         self,

@@ -23,6 +23,9 @@ class Only:
     """What must be, such as "--page" or "no --json"."""
     when: Callable[[Any], object]
     """Of the verb's options; whether these options change what is done."""
+    against: Callable[[Any], str] | None = None
+    """Of the verb's options; the option as typed that these do not go with, where several may be
+    it: "--split random"."""
 
 
 def typed_options(words: Iterable[str]) -> tuple[str, ...]:
@@ -51,6 +54,13 @@ def check_rules(verb: object, words: Sequence[str]) -> None:
     for rule in rules:
         for option in rule.options:
             if option in typed and not rule.when(verb):
+                if rule.against is not None:
+                    other = rule.against(verb)
+                    raise BadInput(
+                        f"--{option} or {other}",
+                        f"both; beside {other}, --{option} would change nothing",
+                        "leave one of the two out",
+                    )
                 raise BadInput(
                     f"{rule.need} beside --{option}",
                     f"--{option}, which would change nothing",

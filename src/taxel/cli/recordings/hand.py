@@ -106,12 +106,21 @@ def use_hand(
     plot: Path | None,
     overwrite: bool,
 ) -> dict[str, Any]:
-    """Open the hand, do what was asked for, write what is to be kept; return what became of it."""
-    from taxel.actions.grasping import open_hand
+    """Open the hand, do what was asked for, write what is to be kept; return what became of it.
 
-    for path in (record, plot):
-        if path is not None and path.exists() and not overwrite:
-            raise BadInput("a new file", f"{path}, which exists", "add --overwrite or name another")
+    Whether it can be kept is looked at first: a motion is not repeated for its currents.
+    """
+    from taxel.actions.grasping import open_hand
+    from taxel.recordings.part_file import check_output
+    from taxel.recordings.whole import check_place
+
+    if record is not None:
+        check_output(record, overwrite)
+        check_place(record)
+    if plot is not None:
+        check_place(plot)
+        if plot.exists() and not overwrite:
+            raise BadInput("a new file", f"{plot}, which exists", "add --overwrite or name another")
     actuator, clock = open_hand(url)
     actuator.connect()
     try:

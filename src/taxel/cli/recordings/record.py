@@ -14,7 +14,7 @@ from taxel.cli.options.rules import Only
 from taxel.cli.printing import print_json, say
 from taxel.cli.recordings.recording import ledger_line, record_source, stop_signals
 from taxel.errors import BadInput
-from taxel.recordings.writer import check_output
+from taxel.recordings.part_file import check_output
 
 
 @dataclass(frozen=True)

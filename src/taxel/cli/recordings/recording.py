@@ -26,6 +26,8 @@ SILENCE_S = 5.0
 LATE_S = 0.5
 """Fitted time that the slower of array and cameras may lag at the end. Source: our choice,
 docs/decisions/0012."""
+SUMMARY_FOLLOWS = "the summary follows"
+"""What a verb that writes no file says after the first signal."""
 _ARRAY = -1
 """Stands for the array among the cameras' numbers."""
 
@@ -163,8 +165,12 @@ def ledger_line(ledger: dict[str, Any]) -> str:
 
 
 @contextmanager
-def stop_signals() -> Iterator[Callable[[], bool]]:
-    """Turn SIGINT, SIGTERM and SIGHUP into a question that a loop can ask; a second one kills."""
+def stop_signals(follows: str = "completing the file") -> Iterator[Callable[[], bool]]:
+    """Turn SIGINT, SIGTERM and SIGHUP into a question that a loop can ask; a second one kills.
+
+    Args:
+        follows: What is still done after the first, for the line that says so.
+    """
     received: list[int] = []
 
     def note(number: int, _frame: FrameType | None) -> None:
@@ -172,7 +178,7 @@ def stop_signals() -> Iterator[Callable[[], bool]]:
             signal.signal(number, signal.SIG_DFL)
             signal.raise_signal(number)
         received.append(number)
-        say_aside("stopping: completing the file")
+        say_aside(f"stopping: {follows}")
 
     names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     before = {name: signal.signal(getattr(signal, name), note) for name in names}

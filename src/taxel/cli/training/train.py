@@ -18,7 +18,7 @@ from taxel.cli.options.arrays import (
 )
 from taxel.cli.options.rules import Only
 from taxel.cli.options.work import WorkOptions
-from taxel.cli.printing import command, console, print_json, progress, say
+from taxel.cli.printing import command, console, print_json, progress, say, say_aside
 from taxel.errors import BadInput, RecordingFailed, TaxelError
 from taxel.held import only_writer
 from taxel.plain_text import visible_names
@@ -90,6 +90,7 @@ class Train:
             ("minutes", "max-mb", "max-us", "like"),
             "no recipe, model, window or --split random",
             lambda o: o._free,
+            lambda o: o._recipe_typed,
         ),
         Only(("fresh",), "a recipe", lambda o: not o._free),
     )
@@ -99,6 +100,13 @@ class Train:
         """Whether the best is to be found: nothing of a recipe is named, nor asked for."""
         named = self.model is not None or self.split == "random"
         return self.recipe.unnamed and not named
+
+    @property
+    def _recipe_typed(self) -> str:
+        """What was typed that makes it a recipe's training, as it was typed."""
+        if self.model is not None:
+            return f"--model {self.model}"
+        return "--split random" if self.split == "random" else self.recipe.named
 
     def run(self) -> None:
         """Find or take, judge, train and save."""
@@ -132,6 +140,7 @@ class Train:
         )  # fmt: skip
 
     def _train(self, output: Path) -> None:
+        from taxel.cli.training.train_expert import CHOICE, replaced_note
         from taxel.evaluation.checked import check_recipe
         from taxel.evaluation.kept_folds import Keeping, folds_folder, forget_folds
         from taxel.evaluation.table_split import training_part
@@ -149,6 +158,8 @@ class Train:
         find_network(recipe.model)
         check_run_folder(output)
         older = output.exists()
+        if (output / CHOICE).exists():
+            say_aside(replaced_note(output, "a run that a search chose"))
         accuracy = {}
         with WorkOptions().open(), progress() as bar:
             task = bar.add_task("starting", total=None)

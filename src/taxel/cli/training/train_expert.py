@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taxel.cli.options.arrays import check_run_folder, only_label, split_given
-from taxel.cli.printing import command, console, print_json, progress, say
+from taxel.cli.printing import command, console, print_json, progress, say, say_aside
 from taxel.errors import BadInput
 from taxel.held import only_writer
 from taxel.plain_text import visible, visible_names
@@ -60,6 +60,8 @@ def train_default(options: ExpertOptions) -> None:
     output = options.output or Path("runs") / f"{options.data.resolve().name}-{target}"
     check_run_folder(output)
     older = output.exists()
+    if older and not (output / CHOICE).exists():
+        say_aside(replaced_note(output, "the run of a recipe"))
     with only_writer(output):
         with progress() as bar:
             task = bar.add_task("starting", total=None)
@@ -92,6 +94,11 @@ def train_default(options: ExpertOptions) -> None:
     )
     say(f"next: {command('taxel', 'bundle', output, '--output', f'{output}.taxel')}")
     say(f"same again: {command(*_same_again(options, output / CHOICE))}")
+
+
+def replaced_note(output: Path, older: str) -> str:
+    """Return what is said, before the work, where a run of another kind has the same place."""
+    return f"note: {output}, {older}, will be replaced; to keep it, choose another --output"
 
 
 def _same_again(options: ExpertOptions, choice: Path) -> list[object]:

@@ -19,8 +19,8 @@ from typing import Any
 from taxel.live.station.guard import Guard
 from taxel.live.station.packets import notes_of, pack
 from taxel.live.station.ring import RingReader, RingWriter
+from taxel.recordings.part_file import recover_command
 from taxel.recordings.trial_log import GraspTrial, append_trial, log_of
-from taxel.recordings.writer import recover_command
 
 RECORDER = "recorder"
 """Name of its process."""

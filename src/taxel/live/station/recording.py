@@ -24,8 +24,9 @@ from taxel.live.station.packets import Packet, pack, unpack
 from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.worker import Place, Pulse, at_work, settle_memory
 from taxel.recordings.manifest import NO_ARRAY, Manifest
+from taxel.recordings.part_file import part_path
 from taxel.recordings.trial_log import append_trial, log_of, trial_of
-from taxel.recordings.writer import Recorder, part_path
+from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo, SlipNote
 
 _PAUSE_S = 0.01

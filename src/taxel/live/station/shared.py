@@ -14,8 +14,12 @@ import contextlib
 import itertools
 import os
 import re
+import resource
 from multiprocessing import shared_memory
 from pathlib import Path
+
+from taxel.errors import BadInput
+from taxel.foreign.files import in_words
 
 SHARED = Path("/dev/shm")
 _NAME = re.compile(r"taxel_([0-9a-f]+)_(\d+)_(\d+)_\d+")
@@ -29,12 +33,30 @@ def create_shared(size: int) -> shared_memory.SharedMemory:
 
     Args:
         size: Bytes.
+
+    Raises:
+        BadInput: The system or this process's limits refuse it.
     """
+    # Asked before: where the file cannot grow, Python's tracker of resources prints a traceback.
+    most, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
+    if most != resource.RLIM_INFINITY and size > most:
+        raise BadInput(
+            f"{in_words(size)} of shared memory",
+            f"a limit of {in_words(most)} on the size of a file (ulimit -f)",
+            "raise it with ulimit -f unlimited, or start this from another shell",
+        )
     owner = f"{_namespace():x}_{os.getpid()}_{_started(os.getpid()) or 0}"
     while True:
         name = f"taxel_{owner}_{next(_numbers)}"
-        with contextlib.suppress(FileExistsError):
+        try:
             return shared_memory.SharedMemory(name, create=True, size=size)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise BadInput(
+                f"{in_words(size)} of shared memory", error.strerror or str(error),
+                f"look at {SHARED} and at this process's limits (ulimit -a)",
+            ) from error  # fmt: skip
 
 
 def sweep(folder: Path = SHARED) -> list[str]:
