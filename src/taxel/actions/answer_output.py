@@ -7,7 +7,8 @@ One datagram a window, UTF-8, one JSON object:
     time_s             sender's monotonic clock, seconds
     taken_s            the window's last row, on the same clock
     target             what is recognised, such as "material"
-    label              the class by all windows of this contact so far, or UNKNOWN
+    label              the class by the windows of this contact so far (without a contact gate:
+                       by the latest ones), or UNKNOWN
     confidence         its probability, 0…1; null with UNKNOWN
     action             what the rule table says is to be done; empty where it says nothing
     window_label       the class by this window alone, or UNKNOWN

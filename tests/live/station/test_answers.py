@@ -35,10 +35,10 @@ def test_the_page_says_of_what_each_number_is():
     (shown,) = answers.newest()
     assert shown["confidence"] == 0.63
     assert shown["reason"] == (
-        "all windows of this contact; the newest window alone is UNKNOWN: "
+        "this contact's windows together; the newest window alone is UNKNOWN: "
         "confidence 0.49 is below 0.50"
     )
     answers.add(unsure | {"reason": ""})
-    assert answers.newest()[0]["reason"] == "all windows of this contact"
+    assert answers.newest()[0]["reason"] == "this contact's windows together"
     answers.add(unsure | {"grasp_confidence": None, "reason": "saturated"})
     assert answers.newest()[0]["reason"] == "the newest window alone is UNKNOWN: saturated"

@@ -81,6 +81,6 @@ class Answers:
 
 def _what_it_is_of(note: dict[str, Any]) -> str:
     """Return of what the answer is, and why the newest window alone would be UNKNOWN."""
-    whole = "all windows of this contact" if note["grasp_confidence"] is not None else ""
+    whole = "this contact's windows together" if note["grasp_confidence"] is not None else ""
     alone = f"the newest window alone is UNKNOWN: {note['reason']}" if note["reason"] else ""
     return "; ".join(filter(None, (whole, alone)))
