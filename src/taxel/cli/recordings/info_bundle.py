@@ -46,7 +46,7 @@ def describe_bundle(path: Path, kind: BundleKind) -> tuple[dict[str, str], dict[
         software, digest = trial.software, trial.data_digest
     size, signed = path.stat().st_size, is_signed(path)
     signature = "with a signature, which is not checked here" if signed else "not signed"
-    held = f"{path}, {size / 1e6:.2f} MB, its check sum holds, {signature}"
+    held = f"{path}, {size / 1e6:.2f} MB, checksum valid, {signature}"
     whole = {"bundle": held} | lines | {"trained on": _data(digest), "made by": software}
     data = {"path": str(path), "bytes": size, "kind": kind, "carries_signature": signed}
     return whole, data | {"contract": json.loads(text)}
@@ -137,8 +137,8 @@ def _measured(values: Mapping[str, float], before: str = "") -> str:
 def _chance(classes: tuple[str, ...]) -> str:
     share = 1 / len(classes)
     return (
-        f"; uniform guessing among {len(classes)} classes gives {share:.2f}, "
-        "the majority class may give more"
+        f"; random guessing among {len(classes)} classes gives {share:.2f}, "
+        "always naming the majority class may give more"
     )
 
 
