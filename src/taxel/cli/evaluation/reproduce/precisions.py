@@ -25,7 +25,7 @@ from taxel.cli.options.cameras import (
     open_backbone,
 )
 from taxel.cli.printing import console, print_json, progress, say
-from taxel.errors import BadInput
+from taxel.errors import BadInput, MissingExtra
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -61,6 +61,8 @@ class Precisions:
         """Measure and print."""
         from taxel.evaluation.transitions.precisions import WAYS
 
+        if find_spec("openvino") and not find_spec("nncf"):
+            raise MissingExtra("nncf", "openvino", "8-bit numbers")
         ways = [way for way in WAYS if find_spec("openvino") or way == WAYS[0]]
         with progress() as bar:
             rows = self._rows(ways, bar)
