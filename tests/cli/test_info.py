@@ -85,6 +85,13 @@ def test_a_bundle_says_what_it_predicts_from_what_and_how_well(
     assert "nothing was stored with it" in printed
 
 
+def test_info_says_on_what_a_monitor_was_measured(capsys: pytest.CaptureFixture[str]):
+    """The threshold was set on those cups, so that figures on test cups are worse."""
+    main(["info", "cup-pour"])
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "measured on training cups held out, not test cups: false alarms a minute" in printed
+
+
 def test_info_says_when_a_bundle_answers_unknown(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
