@@ -33,7 +33,7 @@ from taxel.views.console import PlainConsole, progress_on
 
 SOURCE = Path(taxel.__file__).parent
 HOSTILE = ["cup[blue]", "cup[green]", "[/red]", "a\x1b[2Jb", "a\\x1b[2Jb", "$x^$", "<script>",
-           "\u202eevil", ":cup:", "x\nall check sums hold", "\x9b31m", "\udcff", "\x00",
+           "\u202eevil", ":cup:", "x\nall checksums valid", "\x9b31m", "\udcff", "\x00",
            "\ue000", "a\u200bb", "ab"]  # fmt: skip
 ANY_TEXT = st.text(st.characters(exclude_categories=()), max_size=40) | st.text("\\xu\x1b01b")
 

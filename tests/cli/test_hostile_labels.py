@@ -32,7 +32,7 @@ def run(capsys: pytest.CaptureFixture[str]):
         for text in said:
             assert all(line.isprintable() for line in text.split("\n")), text
             assert "Traceback" not in text
-            assert not re.search("^all check sums hold", text, re.MULTILINE)
+            assert not re.search("^all checksums valid", text, re.MULTILINE)
         return said.out
 
     return run
@@ -116,7 +116,7 @@ def test_tables_with_figures_and_raw_touch_are_drawn(imported, run, tmp_path):
 
 
 def test_a_refusal_quotes_a_name_on_one_line(imported, refused, tmp_path):
-    line = refused(["info", str(tmp_path / "no\x1b[2J\nall check sums hold.mcap")])
+    line = refused(["info", str(tmp_path / "no\x1b[2J\nall checksums valid.mcap")])
 
     assert line.isprintable()
     assert r"\x1b[2J" in line

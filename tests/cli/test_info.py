@@ -47,7 +47,7 @@ def test_a_folder_fits_80_columns_and_says_what_its_groups_hold(
     Info(tmp_path / "data").run()
 
     lines = capsys.readouterr().out.splitlines()
-    table = lines[: next(i for i, line in enumerate(lines) if "check sums hold" in line)]
+    table = lines[: next(i for i, line in enumerate(lines) if "checksums valid" in line)]
     assert any("session-1.mcap" in line for line in table)
     assert max(map(len, table)) <= 80
     assert not any("…" in line for line in table)
@@ -75,7 +75,7 @@ def test_a_bundle_says_what_it_predicts_from_what_and_how_well(
     assert "12 channels in V, windows of 12 scans" in printed
     assert "accuracy, session held out 0.77" in printed
     assert "not signed" in printed
-    assert "uniform guessing among 10 classes gives 0.10" in printed
+    assert "random guessing among 10 classes gives 0.10" in printed
     assert "recordings with SHA-256 000000000000…" in printed
 
     Info(tmp_path / "trials.json.taxel").run()
@@ -83,6 +83,13 @@ def test_a_bundle_says_what_it_predicts_from_what_and_how_well(
     assert "predicts slip: held, slipped" in printed
     assert "camera trials of 1 camera(s), 320×240, 25 frames/s; 3 crop(s) of 12 frames" in printed
     assert "nothing was stored with it" in printed
+
+
+def test_info_says_on_what_a_monitor_was_measured(capsys: pytest.CaptureFixture[str]):
+    """The threshold was set on those cups, so that figures on test cups are worse."""
+    main(["info", "cup-pour"])
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "measured on training cups held out, not test cups: false alarms a minute" in printed
 
 
 def test_info_says_when_a_bundle_answers_unknown(

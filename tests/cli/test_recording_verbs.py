@@ -201,7 +201,7 @@ def test_import_then_info_shows_what_there_is(tmp_path, capsys):
     Info(path=out).run()
     assert "sign: B=1" in capsys.readouterr().out
     Info(path=out / "a.mcap").run()
-    assert "check sums hold" in capsys.readouterr().out
+    assert "checksums valid" in capsys.readouterr().out
 
 
 def test_a_known_data_set_needs_its_folder(tmp_path):

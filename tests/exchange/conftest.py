@@ -4,6 +4,7 @@ On request with a camera that looks on: colour and depth.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,9 +41,9 @@ MARKS = (
 )
 
 
-def scans(seconds: float, seed: int) -> Samples:
+def scans(seconds: float, seed: int, channels: int = 3) -> Samples:
     number = np.arange(round(1000 * seconds))
-    values = np.random.default_rng(seed).random((len(number), 3)).astype(np.float32)
+    values = np.random.default_rng(seed).random((len(number), channels)).astype(np.float32)
     validity = np.zeros(values.shape, np.uint8)
     validity[5, 1], values[5, 1] = 1, np.nan
     time_s = 100.0 + number / 1000
@@ -71,20 +72,22 @@ def depth_frame(camera: int, number: int) -> Frame:
 def make() -> Callable[..., Path]:
     def write(
         path: Path, *, array: bool = True, cameras: bool = True, seconds: float = 1.6,
-        seed: int = 0, scene: tuple[str, ...] = ()
+        seed: int = 0, scene: tuple[str, ...] = (),
+        channels: tuple[str, ...] = ARRAY.channels
     ) -> Path:  # fmt: skip
         seen = (
             *(CAMERAS if cameras else ()),
             *(camera for camera in LOOKS_ON if camera.name in scene),
         )
+        own = replace(ARRAY, channels=channels, units=("V",) * len(channels))
         manifest = Manifest(
-            sensor=ARRAY if array else NO_ARRAY, cameras=seen,
+            sensor=own if array else NO_ARRAY, cameras=seen,
             labels={"shape": "sphere"}, groups={"session": str(seed)},
             wall_anchor_ns=1_700_000_000_000_000_000,
         )  # fmt: skip
         with Recorder(path, manifest) as recorder:
             if array:
-                recorder.write(scans(seconds, seed))
+                recorder.write(scans(seconds, seed, len(channels)))
             for number in range(round(25 * seconds) if cameras else 0):
                 recorder.frame(frame(0, number, seed))
                 recorder.frame(frame(1, number, seed))

@@ -10,6 +10,7 @@ import pytest
 
 from taxel.errors import BadDataset, BadInput
 from taxel.recordings.reader import iterate_frames, read_recording
+from taxel.sim.pour.state import TRUTH_CHANNELS
 
 pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed (taxel[export])")
 layout = importlib.import_module("taxel.exchange.lerobot_layout")
@@ -64,13 +65,34 @@ def test_windows_hold_the_scans_up_to_their_frame(recordings, tmp_path):
     for place in (0, 1, 20, 39):
         end = int(np.searchsorted(ours.fitted_s, frames[place].fitted_s, "right"))
         window = np.array(table[layout.TACTILE][place].as_py(), np.float32)
-        flags = np.array(table[layout.VALIDITY][place].as_py())
+        flags = np.array(table[layout.TOUCH.validity][place].as_py())
         missing = max(0, 44 - end)
         np.testing.assert_array_equal(window[missing:], ours.values[max(0, end - 44) : end])
         assert np.isnan(window[:missing]).all()
         assert (flags[:missing] == 1).all()
         assert table[layout.STATE][place].as_py() == window[-1].tolist()
     assert len(frames) == 40
+
+
+def test_a_simulators_truth_is_no_observation_and_comes_back_the_same(make, tmp_path):
+    """Slip as the simulator knows it is under truth, where no policy of LeRobot's looks."""
+    path = make(tmp_path / "pour.mcap", channels=(*TRUTH_CHANNELS, "shift"))
+    written = write_lerobot([path], tmp_path / "set")
+    assert written.truth == (*TRUTH_CHANNELS, "shift")
+    features = json.loads((tmp_path / "set" / layout.INFO).read_text("utf-8"))["features"]
+    seen = [key for key in features if key.startswith("observation")]
+    assert seen == ["observation.images.left", "observation.images.right"]
+    assert features["truth.state"]["names"] == [*TRUTH_CHANNELS, "shift"]
+    assert problems(tmp_path / "set") == []
+    (back,) = import_lerobot(tmp_path / "set", tmp_path / "back")
+    check_same(path, back)
+
+
+def test_truth_without_cameras_comes_back_the_same(make, tmp_path):
+    path = make(tmp_path / "pour.mcap", channels=TRUTH_CHANNELS, cameras=False, seconds=1.603)
+    write_lerobot([path], tmp_path / "set")
+    (back,) = import_lerobot(tmp_path / "set", tmp_path / "back")
+    check_same(path, back)
 
 
 def test_labels_are_tasks_and_groups_are_columns(recordings, tmp_path):

@@ -80,3 +80,8 @@ def test_a_plan_that_cannot_be_followed_is_refused_in_one_line(
 ):
     with pytest.raises(BadInput, match=words):
         read_plan(written(tmp_path, text))
+
+
+def test_a_plan_that_is_not_there_is_named(tmp_path: Path):
+    with pytest.raises(BadInput, match=r"needed the plan .*none\.csv; got no such file"):
+        read_plan(tmp_path / "none.csv")

@@ -23,8 +23,8 @@ COLUMNS = (
 NARROW = tuple(name for name in COLUMNS if name not in ("curve", "hum mV"))
 """Those of them that fit a terminal."""
 NOTES = (
-    "range N: from where the curve stands three noises above rest (below the smallest press that "
-    "is the curve's word alone) to where 95 % of presses lie within half of the force",
+    "range N: from where the curve is three times the noise above rest (extrapolated where that is "
+    "below the smallest press) to where 95 % of presses lie within half of the true force",
     "V/N: slope at the middle force; hysteresis: falling less rising forces, share of the span",
     "rise: 10 to 90 %, gauge and sensor together; noise: rms at the full rate; hum: 50 and 60 Hz",
     "error N: mean error of presses held out, forces in the sensor's range; line N: the same of a "
@@ -113,7 +113,7 @@ def findings(document: Document) -> list[str]:
         lines.append(_uniform(result))
     named = document["ghosts"]["named"]
     more = "; …" if len(named) > 6 else ""
-    lines.append(f"ghosts above 0.5 %: {'; '.join(named[:6]) or 'none that are sure'}{more}")
+    lines.append(f"ghosts above 0.5 %: {'; '.join(named[:6]) or 'none found with certainty'}{more}")
     falls = [channel["fall_s"][0] for channel in pressed if channel["fall_s"][0] is not None]
     if falls:
         lines.append(

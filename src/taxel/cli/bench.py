@@ -40,7 +40,8 @@ class Bench:
     only: str = ""
     """Only the measurements whose name holds this text; stored rows of others are kept."""
     data: Path | None = None
-    """Folder that holds teng-glove/, icub-grasp/ and gelsight-slip/, for --full."""
+    """Folder that holds teng-glove/, icub-grasp/, gelsight-slip/, biotacsp-stability/ and
+    fabric-slide/, for --full."""
     store: Path | None = None
     """Folder for what --full measures; in a checkout, the figures that ship unless given."""
     page: Path | None = None

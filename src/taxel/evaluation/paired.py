@@ -214,7 +214,7 @@ def _refuse_others(said: Mapping[str, tuple[str, str]]) -> None:
         if ours != theirs:
             raise BadInput(
                 f"two runs of the same {what}", f"{ours} and {theirs}",
-                "train one of them again on what the other had",
+                f"train one of them again with the {what} of the other",
             )  # fmt: skip
 
 

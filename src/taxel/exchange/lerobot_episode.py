@@ -74,7 +74,8 @@ class Own:
 
     def _scans(self, part: pa.RecordBatch) -> Samples:
         channels = len(self.manifest.sensor.channels)
-        values = _numbers(part, layout.TACTILE).reshape(len(part), -1, channels)
+        keys = layout.TRUTH if layout.TRUTH.window in part.schema.names else layout.TOUCH
+        values = _numbers(part, keys.window).reshape(len(part), -1, channels)
         rows = values.shape[1]
         number = _numbers(part, layout.SCAN).astype(np.int64)[:, None] + np.arange(rows)
         fitted_s = _numbers(part, layout.SCAN_S).reshape(len(part), rows)
@@ -85,7 +86,7 @@ class Own:
         if len(counter):
             self._next_scan = int(counter[-1]) + 1
         time_s = fitted_s.ravel()[places]
-        validity = _numbers(part, layout.VALIDITY).reshape(-1, channels)[places]
+        validity = _numbers(part, keys.validity).reshape(-1, channels)[places]
         return Samples(
             values=values.reshape(-1, channels)[places].astype(np.float32), counter=counter,
             device_s=np.full(len(places), np.nan), arrival_s=time_s, fitted_s=time_s,

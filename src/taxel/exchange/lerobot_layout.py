@@ -33,9 +33,28 @@ OWN = "taxel/"
 """Before the columns of the episodes that only taxel reads."""
 
 STATE, TACTILE = "observation.state", "observation.tactile"
-VALIDITY, VALID = "observation.tactile_validity", "observation.tactile_valid"
 SCAN_S, SCAN = "taxel.scan_s", "taxel.scan"
 IMAGE_TYPE = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayKeys:
+    """The features that hold an array's scans."""
+
+    state: str
+    """The newest scan of each frame."""
+    window: str
+    """The scans up to the frame."""
+    validity: str
+    """Flags of the window's values."""
+    valid: str
+    """Whether each value of `state` may be used."""
+
+
+TOUCH = ArrayKeys(STATE, TACTILE, f"{TACTILE}_validity", f"{TACTILE}_valid")
+TRUTH = ArrayKeys("truth.state", "truth.window", "truth.window_validity", "truth.state_valid")
+"""Those of a simulator's ground truth. Not under observation: their policies take every feature
+whose name begins so as an input (dataset_to_policy_features), and would see the answer."""
 
 
 def image_key(camera: str) -> str:
@@ -123,7 +142,10 @@ COUNTING = {
 
 
 def features_of(
-    channels: Sequence[str], rows: int, cameras: Mapping[str, tuple[int, int]]
+    channels: Sequence[str],
+    rows: int,
+    cameras: Mapping[str, tuple[int, int]],
+    keys: ArrayKeys = TOUCH,
 ) -> dict[str, Feature]:
     """Return the features of a data set.
 
@@ -131,14 +153,15 @@ def features_of(
         channels: Names of the array's; none without.
         rows: Scans a frame.
         cameras: Name → (width, height), pixels.
+        keys: Of the array's features.
     """
     found: dict[str, Feature] = {}
     if channels:
         names, count = tuple(channels), len(channels)
-        found[STATE] = Feature("float32", (count,), names)
-        found[TACTILE] = Feature("float32", (rows, count))
-        found[VALIDITY] = Feature("uint8", (rows, count))
-        found[VALID] = Feature("bool", (count,), names)
+        found[keys.state] = Feature("float32", (count,), names)
+        found[keys.window] = Feature("float32", (rows, count))
+        found[keys.validity] = Feature("uint8", (rows, count))
+        found[keys.valid] = Feature("bool", (count,), names)
         found[SCAN_S] = Feature("float64", (rows,))
         found[SCAN] = Feature("int64", (1,))
     for name, (width, height) in cameras.items():

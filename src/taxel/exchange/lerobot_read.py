@@ -102,7 +102,8 @@ def _read_info(folder: Path) -> Info:
             "images in Parquet (dtype image)", f"video in {', '.join(info.keys('video')[:6])}",
             "export it again with images: video codecs change what touch is measured from",
         )  # fmt: skip
-    if not state_key(info) and not info.keys("image"):
+    held = state_key(info) or layout.TRUTH.window in info.features
+    if not held and not info.keys("image"):
         raise BadDataset(
             f"{layout.STATE}, {layout.TACTILE} or images", "none of them", "choose another data set"
         )

@@ -2,7 +2,7 @@
 
 The folder appears as a whole or not at all. Images stay the camera's own JPEG: LeRobot's video
 codecs move the gel quantities by 0.2 to 0.4 of their standard deviation (docs/decisions/0051).
-Depth is left out: their images have 8 bits a colour.
+Depth is left out: their images have 8 bits a colour. A simulator's ground truth is no observation.
 Knows nothing about learning.
 """
 
@@ -29,6 +29,7 @@ from taxel.frame_codec import decode_jpeg
 from taxel.recordings.manifest import Manifest, to_record
 from taxel.recordings.reader import read_manifest
 from taxel.signals import Frame
+from taxel.sim.pour.state import has_truth
 
 _ROWS = 256
 """Frames that are held at a time. Source: our choice; 256 pairs of images have 8 MB."""
@@ -53,6 +54,8 @@ class Written:
     """Images within episodes that no frame has."""
     drift_s: float = 0.0
     """Largest difference between frame / fps and when a frame was taken, seconds."""
+    truth: tuple[str, ...] = ()
+    """Channels that are a simulator's ground truth: they are under truth, not observation."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain values."""
@@ -107,14 +110,19 @@ class _Writer:
     def __init__(self, folder: Path, manifest: Manifest, rhythm: Rhythm) -> None:
         self._folder, self._manifest, self._rhythm = folder, manifest, rhythm
         cameras = {camera.name: (camera.width, camera.height) for camera in manifest.of_jpeg}
-        self._features = layout.features_of(manifest.sensor.channels, rhythm.rows, cameras)
+        channels = manifest.sensor.channels
+        truth = has_truth(channels)
+        self._keys = layout.TRUTH if truth else layout.TOUCH
+        self._features = layout.features_of(channels, rhythm.rows, cameras, self._keys)
         self._schema = layout.schema_of(self._features)
         self._data: pq.ParquetWriter | None = None
         self._file = 0
         self._rows: list[dict[str, Any]] = []
         self._stats: list[dict[str, Stats]] = []
         self._tasks: dict[str, int] = {}
-        self.written = Written(fps=rhythm.fps, rows=rhythm.rows)
+        self.written = Written(
+            fps=rhythm.fps, rows=rhythm.rows, truth=channels if truth else ()
+        )  # fmt: skip
 
     def check(self, path: Path) -> None:
         """Refuse a recording of another array or other cameras.
@@ -216,10 +224,10 @@ class _Writer:
         pick = (np.arange(len(last)), last)
         values = samples.values.reshape(shape)
         return found | {
-            layout.STATE: values[pick],
-            layout.TACTILE: values,
-            layout.VALIDITY: samples.validity.reshape(shape),
-            layout.VALID: usable(samples).reshape(shape)[pick],
+            self._keys.state: values[pick],
+            self._keys.window: values,
+            self._keys.validity: samples.validity.reshape(shape),
+            self._keys.valid: usable(samples).reshape(shape)[pick],
             layout.SCAN_S: samples.fitted_s.reshape(shape[:2]),
             layout.SCAN: episode.first_scan[at:stop] - episode.limits[0],
         }

@@ -55,11 +55,18 @@ def read_plan(path: Path) -> list[PlannedTrial]:
     """Return the trials of a plan, in order.
 
     Raises:
-        BadTable: The table has other columns, no line, or a cell that cannot be used.
+        BadTable: The table is not there, has other columns, no line, or a cell that cannot be
+            used.
         BadFile: It is no text, or too large.
-        OSError: It is not there.
+        OSError: It may not be read.
     """
-    rows = list(csv.reader(_lines(path)))
+    try:
+        rows = list(csv.reader(_lines(path)))
+    except FileNotFoundError as error:
+        raise BadTable(
+            f"the plan {path}", "no such file",
+            "check the path; the plans in plans/ are found from the root of a clone of taxel",
+        ) from error  # fmt: skip
     header = [cell.strip() for cell in rows[0]] if rows else []
     names = [_name_of(cell, path) for cell in header]
     if not names or len(set(header)) < len(header) or not any(k != _TIMES for k, _ in names):

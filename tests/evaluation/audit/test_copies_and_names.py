@@ -254,5 +254,5 @@ def test_the_verdict_names_what_only_the_reader_knows() -> None:
     assert verdict(first) == (
         "No leak found in these recordings, unless trials begin before contact (first frame)."
     )
-    assert "1 hazard waits" in verdict(first, other)
+    assert "would turn 1 hazard into a leak" in verdict(first, other)
     assert "and the first frame leaks if trials begin before contact" in verdict(leak, first)

@@ -48,7 +48,7 @@ def test_what_changes_from_earlier_to_later_trials_is_a_hazard(make_set: Make) -
     found = sorted_out(with_drift(make_set["array"](trials=120)))
 
     assert found["order effect"].verdict == "hazard"
-    assert "points that a new later trial will not give" in found["order effect"].said
+    assert "points that will not be reached on a new later trial" in found["order effect"].said
     assert found["drift"].verdict == "note"
     assert "--split order:KEY:70%" in found["drift"].mend
 
@@ -155,7 +155,7 @@ def test_what_cropping_leaves_is_said(make_set: Make) -> None:
 
     assert found.verdict == "leak"
     assert found.left is not None
-    assert f"Crops of the first 28 rows of every trial leave cheap trees at {found.left:.3f}" \
+    assert f"Crops of the first 28 rows of every trial leave small trees at {found.left:.3f}" \
         in found.said  # fmt: skip
 
 

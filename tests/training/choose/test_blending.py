@@ -18,7 +18,7 @@ def test_kinds_that_do_about_as_well_are_averaged_and_one_far_behind_is_not():
 
     assert found.members == (0, 1)
     assert found.weights == (0.5, 0.5)
-    assert found.why.startswith("the mean")
+    assert found.why.startswith("a blend, the mean")
     alone = mix([good, bad], ["a", "c"], ["a", "c"], [(0,)] * 2, y, groups)
     assert alone.members == (0,)
     assert alone.why.startswith("the best model")

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 CLASSES = ("cup[blue]", "cup[green]", "[/red]", "a\x1b[2Jb", "$x^$", "<script>alert(1)</script>",
-           "\u202epuc", "x\nall check sums hold", ":cup:")  # fmt: skip
+           "\u202epuc", "x\nall checksums valid", ":cup:")  # fmt: skip
 CHANNELS = (":a:", "$b^$", "_c\x1b(0\x07")
 SESSIONS = ("day\x1b[31m1", "day[/b]2")
 TRAINING = ("--target", "object", "--split", "group:session", "--model", "cnn1d", "--window",

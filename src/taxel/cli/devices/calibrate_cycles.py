@@ -215,8 +215,8 @@ def _document(address: str, info: SensorInfo, found: Sequence[Durability]) -> di
         "notes": [
             "lost: by a straight line through the logarithms of the heights of the commonest "
             "rate's taps, stated for 10,000 taps; below 0 is a gain; 95 % in brackets",
-            "response 10 to 90 % and recovery 90 to 10 %: median and quartiles; the speed of "
-            "whatever taps is in them",
+            "response 10 to 90 % and recovery 90 to 10 %: median and quartiles; they include "
+            "the speed of the finger or machine that taps",
         ],
     }
 

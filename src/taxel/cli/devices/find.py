@@ -115,7 +115,7 @@ def board_lines(boards: Sequence[Mapping[str, Any]], problems: Sequence[str]) ->
     if problems:
         return [f"boards: not looked for: {problem}" for problem in problems]
     if not boards:
-        return ["boards: none. Plug one in by USB; if it stays unseen, run: taxel doctor"]
+        return ["boards: none. Plug one in by USB; if it is still not listed, run: taxel doctor"]
     lines = ["boards:"]
     for board in boards:
         serial = board["serial"] or "none"
@@ -129,7 +129,7 @@ def board_lines(boards: Sequence[Mapping[str, Any]], problems: Sequence[str]) ->
 def camera_lines(cameras: Sequence[FoundCamera]) -> list[str]:
     """Return what is said about cameras."""
     if not cameras:
-        return ["cameras: none. Plug one in by USB; if it stays unseen, run: taxel doctor"]
+        return ["cameras: none. Plug one in by USB; if it is still not listed, run: taxel doctor"]
     lines = ["cameras:"]
     for camera in cameras:
         if camera.problem:

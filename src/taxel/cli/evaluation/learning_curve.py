@@ -19,7 +19,7 @@ class LearningCurve:
     """Measure accuracy against the amount of training data: would more data help?
 
     The test parts stay the same; whole groups (sessions, where there are several) are added to
-    the training parts, each amount holding the one before.
+    the training parts, and each amount contains the smaller ones.
     """
 
     data: tyro.conf.Positional[Path]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
@@ -65,7 +65,7 @@ class Adapt:
     """Write the adapted version here, and leave the existing one as it is."""
     history: bool = False
     """Show all versions."""
-    rollback: tuple[int, ...] | None = None
+    rollback: Annotated[tuple[int, ...] | None, tyro.conf.arg(metavar="[INT]")] = None
     """Return to a version by its number; to the previous one unless a number is given."""
     json: bool = False
     """Print JSON; accuracies are shares of windows, prequential and unlearned of grasps that gave

@@ -218,7 +218,7 @@ class Bundle:
             files = {"private": str(path), "public": str(public)}
             print_json(files | {"fingerprint": fingerprint(key)})
             return
-        say(f"{path}: a private key; keep it to yourself, it is what makes a bundle yours")
+        say(f"{path}: a private key; keep it secret: whoever has it can sign bundles in your name")
         say(f"{public}: its public key, for taxel live --trust; {fingerprint(key)}")
 
 

@@ -378,7 +378,7 @@ def _print_summary(result: dict[str, Any]) -> None:
         if name == "recorder" and result["recording"].get("not_written"):
             again = f", not written {result['recording']['not_written']}{again}"
         say(
-            f"  {name}: made {process['produced']}, took in {process['consumed']}, "
+            f"  {name}: produced {process['produced']}, received {process['consumed']}, "
             f"lost {process['dropped']}{again}"
         )
     if result["latency_ms"]:

@@ -39,7 +39,8 @@ class TrialOptions:
     crop: int | None = None
     """Frames in a crop; as many as the shortest trial has, at most 48, unless given."""
     touch: bool = False
-    """Use features of the touch encoder too; takes about 2 ms more for each image."""
+    """Use features of the touch encoder too; all of its extra work takes about 2 ms for each
+    image."""
     cache: Path | None = None
     """Folder for features; $TAXEL_CACHE or ~/.cache/taxel unless given."""
     seed: int = 0

@@ -68,7 +68,7 @@ def _print_bundle(path: Path, kind: BundleKind, as_json: bool) -> None:
 def _print_recording(row: dict[str, Any]) -> None:
     rate = row["rate_hz"]
     lines = {
-        "recording": f"{row['path']}, {row['bytes'] / 1e6:.2f} MB, all check sums hold",
+        "recording": f"{row['path']}, {row['bytes'] / 1e6:.2f} MB, all checksums valid",
         "sensor": f"{visible(row['sensor']['name'])} {visible(row['sensor']['serial'])}".strip(),
         "written by": f"{row['software']} {row['created']}".strip(),
         "labels": _pairs(row["labels"]),
@@ -134,7 +134,7 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
     seconds = sum(map(_seconds, rows))
     frames = sum(map(_frames, rows))
     held = f"{scans} scans, {f'{frames} frames, ' if frames else ''}{seconds:.1f} s"
-    say(f"{path}: {len(rows)} recordings, {held}, all check sums hold")
+    say(f"{path}: {len(rows)} recordings, {held}, all checksums valid")
     for name in sorted({name for row in rows for name in row["labels"]}):
         count = Counter(row["labels"].get(name, "–") for row in rows)
         say(f"label {visible(name)}: {_pairs({value: count[value] for value in in_order(count)})}")

@@ -46,7 +46,7 @@ def describe_bundle(path: Path, kind: BundleKind) -> tuple[dict[str, str], dict[
         software, digest = trial.software, trial.data_digest
     size, signed = path.stat().st_size, is_signed(path)
     signature = "with a signature, which is not checked here" if signed else "not signed"
-    held = f"{path}, {size / 1e6:.2f} MB, its check sum holds, {signature}"
+    held = f"{path}, {size / 1e6:.2f} MB, checksum valid, {signature}"
     whole = {"bundle": held} | lines | {"trained on": _data(digest), "made by": software}
     data = {"path": str(path), "bytes": size, "kind": kind, "carries_signature": signed}
     return whole, data | {"contract": json.loads(text)}
@@ -77,7 +77,9 @@ def _grasp_lines(contract: grasp.GraspContract) -> dict[str, str]:
         "model": f"{visible(source)} + {visible(contract.head)}, {_frames(contract.frames)}",
         "warns": f"from a {kind} of {contract.stability.warn:.3f}, unstable from "
         f"{contract.stability.unstable:.3f}",
-        "measured": _measured(contract.measured),
+        "measured": _measured(
+            contract.measured, where="on training cups held out, not test cups: "
+        ),
     }
 
 
@@ -89,7 +91,8 @@ def _trial_lines(contract: trials.TrialContract) -> dict[str, str]:
         f"{contract.crop} frame{'s' * (contract.crop > 1)}",
         "model": f"a blend of models on {', '.join(map(visible, contract.views))}",
         "says UNKNOWN": _trial_unknown(contract),
-        "measured": _measured(contract.measured) + _chance(contract.classes),
+        "measured": _measured(contract.measured, where="on trials held out: ")
+        + _chance(contract.classes),
     }
 
 
@@ -129,16 +132,16 @@ def _classes(target: str, classes: tuple[str, ...]) -> str:
     return f"{visible(target)}: {', '.join(map(visible, classes[:_CLASSES]))}{more}"
 
 
-def _measured(values: Mapping[str, float], before: str = "") -> str:
+def _measured(values: Mapping[str, float], before: str = "", where: str = "") -> str:
     found = "; ".join(f"{before}{visible(name)} {value:.3g}" for name, value in values.items())
-    return found or "nothing was stored with it"
+    return where + found if found else "nothing was stored with it"
 
 
 def _chance(classes: tuple[str, ...]) -> str:
     share = 1 / len(classes)
     return (
-        f"; uniform guessing among {len(classes)} classes gives {share:.2f}, "
-        "the majority class may give more"
+        f"; random guessing among {len(classes)} classes gives {share:.2f}, "
+        "always naming the majority class may give more"
     )
 
 

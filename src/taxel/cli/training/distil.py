@@ -29,11 +29,11 @@ _TEST_SEED = 0
 
 @dataclass(frozen=True, kw_only=True)
 class Distil:
-    """Train a backbone (the student) to give a trained one's 1000 outputs on touch images.
+    """Train a backbone (the student) to reproduce a trained one's 1000 outputs on touch images.
 
     No labels are needed. One object in five is kept out of training, to measure how often both
     name the same class first. The written file states how it was trained. With --engine torch, a
-    graphics card trains where there is one, and shows other changed versions in each pass.
+    graphics card is used where there is one, and each pass sees newly augmented images.
     """
 
     data: tyro.conf.Positional[tuple[Path, ...]]

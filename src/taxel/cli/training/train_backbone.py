@@ -58,7 +58,7 @@ class TrainBackbone:
     """Passes over the recordings; each gives a stretch (consecutive frames that hold 17 windows)
     for every 60 frames, at another place in each pass."""
     batch: int = 4
-    """Stretches per training step, over all processes, who share them equally."""
+    """Stretches per training step, over all processes, which share them equally."""
     learning_rate: float = 1e-4
     """Largest step size of Adam; it rises first, then falls to zero."""
     bf16: bool = False

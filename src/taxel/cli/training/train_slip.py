@@ -25,7 +25,7 @@ _FEWEST_CUPS = 8
 class TrainSlip:
     """Train a slip warning on simulated cups; its threshold is set for a rate of false alarms.
 
-    What is written is the bundle that runs live. The threshold is set on training cups held out.
+    It writes the bundle that runs live. The threshold is set on training cups that are held out.
     """
 
     poses: tyro.conf.Positional[Path]
@@ -42,7 +42,8 @@ class TrainSlip:
     """Simulated cups to learn from, 8 to 480; unless given 480, which takes 25 minutes of one core
     from an empty folder, or with --gel 2 120, eight minutes. Fewer cups make a worse warning."""
     false_alarms: float = 0.3
-    """Most false alarms per minute of grasps that hold, as a median over cups held out."""
+    """Largest accepted number of false alarms per minute of grasps that hold (median over held-out
+    cups)."""
     seed: int = 0
     """Seed of learning."""
     json: bool = False

@@ -99,9 +99,8 @@ class Audit:
             return f"{leaks} leak{'s' * (leaks > 1)} {where}{more}: do not publish yet."
         less = f", unless trials begin before contact ({UNSURE})" if unsure else ""
         if hazards:
-            verb = "waits" if hazards == 1 else "wait"
-            hazard = f"hazard{'s' * (hazards > 1)} {verb}"
-            return f"No leak {where}{less}; {hazards} {hazard} for a careless split{self._few}."
+            turned = f"{hazards} hazards into leaks" if hazards > 1 else "1 hazard into a leak"
+            return f"No leak {where}{less}; a careless split would turn {turned}{self._few}."
         return f"No leak found {where}{less}{self._few}."
 
     @property

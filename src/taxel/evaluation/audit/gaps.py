@@ -58,7 +58,7 @@ class Gap:
 
     def finding(self, p: float, tests: int = 1) -> Finding:
         """Return the finding, given p after correction for so many tests."""
-        words = f"Cheap trees reach {self.high:.3f} with {self.loosely}, {self.low:.3f} with " \
+        words = f"Small trees reach {self.high:.3f} with {self.loosely}, {self.low:.3f} with " \
                f"{self.strictly}"  # fmt: skip
         verdict: Verdict = "hazard" if self.split_does is None else "leak"
         clear = p >= SURE or self.high - self.low < GAP
@@ -72,8 +72,8 @@ class Gap:
         elif self.split_does is False:
             verdict, words = "clear", f"{words}; this split keeps them apart."
         else:
-            words = f"{words}: {100 * (self.high - self.low):.1f} points that a new {self.of} " \
-                   "will not give."  # fmt: skip
+            words = f"{words}: {100 * (self.high - self.low):.1f} points that will not be " \
+                   f"reached on a new {self.of}."  # fmt: skip
         return Finding(
             kind=self.kind, verdict=verdict, said=words, alone=self.high, majority=self.majority,
             mend="" if verdict == "clear" else self.mend, p=None if rule else p,
@@ -100,7 +100,8 @@ def measure_gaps(case: Case) -> list[Gap]:
             Gap(
                 kind="window leak", of="trial", high=high, low=low, p=p,
                 majority=majority(y, by_trial), units=len(set(pieces.trial)),
-                loosely="windows of a trial dealt out at random", strictly="whole trials held out",
+                loosely="the windows of a trial split at random",
+                strictly="whole trials held out",
                 mend="split whole trials, and cut windows afterwards",
                 split_does=None if case.sides is None else not case.whole,
             )

@@ -242,7 +242,7 @@ def cropped(case: Case) -> tuple[float, str]:
     length = min(map(len, rows))
     whole = trial_evidence(case, np.stack([sum_up(own) for own in rows])).accuracy
     left = trial_evidence(case, np.stack([sum_up(own[:length]) for own in rows])).accuracy
-    return left, (f"Crops of the first {length} rows of every trial leave cheap trees at "
+    return left, (f"Crops of the first {length} rows of every trial leave small trees at "
                   f"{left:.3f} (whole trials: {whole:.3f}).")  # fmt: skip
 
 
@@ -279,7 +279,7 @@ def tared(case: Case) -> tuple[float, str]:
     """
     left, still = _tared_evidence(case)
     return left.accuracy, (
-        f"Tared by its first row, cheap trees reach {left.accuracy:.3f}; the row after a tenth "
+        f"Tared by its first row, small trees reach {left.accuracy:.3f}; the row after a tenth "
         f"of a trial, tared, still predicts {still.accuracy:.3f} "
         f"(majority {still.majority:.3f}).")  # fmt: skip
 

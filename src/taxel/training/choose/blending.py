@@ -46,9 +46,9 @@ STEADY_BEHIND, STEADY_SLACK = 2.0, 0.1
 
 
 _MEAN = (
-    "the mean of the best model of each kind that is not far behind (logistic regression and "
-    "perceptrons only if clearly better than discriminants); no single model is better by more "
-    "than chance, and the mean is safer for new groups"
+    "a blend, the mean of the best model of each kind; kinds that are much worse are left out, and "
+    "logistic regression and perceptrons unless clearly better than discriminants. No single "
+    "model is better by more than chance, and the mean is safer for new groups"
 )
 _ALONE = "the best model alone, because all other kinds are far behind"
 

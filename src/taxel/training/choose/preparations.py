@@ -277,8 +277,8 @@ def live_note(base: Base, config: WindowConfig) -> tuple[str, ...]:
     if base.alone:
         whole = config.steps >= int(base.rows[base.own].max())
         return () if not whole else (
-            f"a trial of fewer than {config.steps} rows gets no answer, since none of those to "
-            "learn from is so short: record some that are",
+            f"a trial of fewer than {config.steps} rows gets no answer, because no training "
+            "trial is that short: record some short ones if you need them",
         )  # fmt: skip
     room = np.clip((base.rows - config.steps + 1) / config.stride, 0.0, 1.0)
     decided = int(room.sum() + 0.5)

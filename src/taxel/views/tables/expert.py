@@ -142,7 +142,9 @@ def _all_right(nested: Nested) -> str:
     if trials.accuracy < 1.0:
         return ""
     least = least_of_all_right(trials.trials)
-    return f"; all {trials.trials} trials right; for so many, the 95 % lower bound is {least:.3f}"
+    return (
+        f"; all {trials.trials} trials correct; with that many, the 95 % lower bound is {least:.3f}"
+    )
 
 
 def expert_report(expert: Expert) -> RenderableType:

@@ -89,7 +89,8 @@ def _notes(points: Sequence[FaultPoint], cameras: bool) -> list[Text]:
     single = math.isnan(points[0].low) and not math.isnan(points[0].accuracy)
     if cameras:
         words = (
-            "accuracy: over moments whose state is known; stable and unstable ones weigh alike. "
+            "accuracy: over moments whose state is known; stable and unstable moments have equal "
+            "weight. "
             "warned: slips with an alarm in time. any: recordings with any known state. "
             "false: alarms a minute of grasps that hold. "
             + ("No interval: one cup only." if single else "Interval: cups resampled.")

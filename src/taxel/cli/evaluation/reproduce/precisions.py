@@ -61,7 +61,12 @@ class Precisions:
         """Measure and print."""
         from taxel.evaluation.transitions.precisions import WAYS
 
-        ways = [way for way in WAYS if find_spec("openvino") or way == WAYS[0]]
+        missing = [name for name in ("openvino", "nncf") if not find_spec(name)]
+        ways = [
+            way for way in WAYS
+            if way == WAYS[0] or ("openvino" not in missing
+                                  and (way[1] != "int8" or "nncf" not in missing))
+        ]  # fmt: skip
         with progress() as bar:
             rows = self._rows(ways, bar)
         if self.json:
@@ -70,8 +75,9 @@ class Precisions:
         from taxel.views.tables.grasps import precision_table
 
         console.print(precision_table(rows, self.labels.rule, self.weights.threads))
-        if len(ways) == 1:
-            say("OpenVINO and 8-bit numbers are not installed: pip install 'taxel[openvino]'")
+        if missing:
+            what = "OpenVINO and 8-bit numbers" if "openvino" in missing else "8-bit numbers (nncf)"
+            say(f"{what} are not installed, and left out: pip install 'taxel[openvino]'")
 
     def _rows(self, ways: list[Any], bar: Bar) -> list[Any]:
         from taxel.evaluation.transitions.data import cup_folds

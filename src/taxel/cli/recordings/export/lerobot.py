@@ -22,7 +22,8 @@ class Lerobot:
     it with validity. Images stay JPEG: LeRobot's video codecs would change what taxel measures in
     gel images by 0.2 to 0.4 standard deviations. Labels become tasks; labels and groups are
     columns of the episodes too. LeRobot's time is frame / fps; the exact times are columns of
-    their own. Depth is left out.
+    their own. Depth is left out. A simulator's ground truth is written as truth.state and
+    truth.window instead, so that no policy takes it as an observation.
     """
 
     recordings: tyro.conf.Positional[Path]
@@ -68,6 +69,9 @@ class Lerobot:
         say(f"{self.output}: {found.episodes} episodes, {each}, {found.fps} frames/s")
         say(f"tasks: {', '.join(map(repr, found.tasks[:6]))}{' …' if found.tasks[6:] else ''}")
         say(f"frame / fps differs from the time of a frame by up to {1000 * found.drift_s:.3g} ms")
+        if found.truth:
+            channels = ", ".join(found.truth)
+            say(f"ground truth of the simulator, under truth and not observation: {channels}")
         if left_out:
             say(depth_line(left_out))
         if found.scans_left_out:
