@@ -286,6 +286,6 @@ def _check_pace(url: str) -> None:
     if asked != "1":
         raise BadSource(
             "speed=1 where several processes run", f"speed={asked}",
-            "leave it out, or run taxel live with one bundle (no --also beside a bundle of cameras) "
+            "leave it out, or run taxel live with one bundle (no --also beside one of cameras) "
             "and no --page, --record, --gripper, --tell, --publish and --beside",
         )  # fmt: skip
