@@ -170,6 +170,11 @@ def test_the_limits_are_those_of_decision_0010() -> None:
     )  # fmt: skip
 
 
+def test_another_limit_may_be_asked_for() -> None:
+    config = RecogniseConfig(least_confidence=0.9)
+    assert decide(np.array([0.2, 0.8], np.float32), Quality(), CLASSES, config).label == UNKNOWN
+
+
 @pytest.mark.parametrize(("p", "saturated"), [([0.5, 0.5], 0.0), ([0.2, 0.8], 0.999)])
 def test_a_limit_itself_is_still_fine(p: list[float], saturated: float) -> None:
     assert answer(p, saturated=saturated).reason == ""

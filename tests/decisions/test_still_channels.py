@@ -8,7 +8,10 @@ import pytest
 from taxel.decisions.still_channels import (
     CHANCE,
     Motion,
+    StillChannel,
     StillWatch,
+    changed_words,
+    looked_at,
     motion_from_json,
     motion_to_json,
     ranges_of,
@@ -82,11 +85,13 @@ def test_padding_is_no_change() -> None:
 
 
 def test_the_figures_survive_json_and_damaged_ones_are_refused() -> None:
-    data = motion_to_json(motion())
+    data = motion_to_json(replace(motion(still=0.3), windows=1))
     again = motion_from_json(Fields(data, "motion"), 2)
 
     assert motion_to_json(again) == data
-    for name, value in (("worst", [0.0, 1.0]), ("usual", [-1.0, 1.0]), ("still", [2.0, 0.0])):
+    assert motion_from_json(Fields(data | {"still": [0.0, 1.0]}, "motion"), 2).windows == 1
+    for name, value in (("worst", [0.0, 0.5]), ("again", [0.5, 1.0]), ("usual", [-1.0, 1.0]),
+                        ("still", [2.0, 0.0]), ("still", [0.0, -0.1])):  # fmt: skip
         with pytest.raises(ValueError, match=r"below 0|not above 0"):
             motion_from_json(Fields(data | {name: value}, "motion"), 2)
     with pytest.raises(ValueError, match="usual"):
@@ -99,3 +104,83 @@ def test_another_level_of_touch_scales_what_is_usual() -> None:
     )
 
     assert raised.usual.tolist() == [3.0, 2.0]
+
+
+def first_found(windows: list[Windows], usual: Motion) -> StillChannel:
+    watch = StillWatch(usual, NAMES)
+    for own in windows:
+        watch.look(own)
+    return watch.take()[0]
+
+
+def test_it_is_said_since_when_and_how_often_the_channel_moved_in_training() -> None:
+    """It moves in two windows, stops in the third; the fifth is the third without change."""
+    moves = [window(n, (1.0, 1.0)) for n in range(2)]
+    found = first_found([*moves, *(window(n, (1.0, 0.0)) for n in range(2, 9))], motion(still=0.25))
+    assert (found.windows, found.usable, found.changed) == (3, True, 0.75)
+    assert found.time_s == pytest.approx(0.49)
+    assert found.still_s == pytest.approx(0.29)
+    assert found.words() == (
+        "channel b has not changed for 0.3 s; in training it changed in 75 % of the windows: "
+        "check its cable"
+    )
+    lost = replace(found, usable=False)
+    assert lost.words().startswith("channel b has given no value, or the same one, for 0.3 s;")
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"), [(1.0, "every window"), (0.9999, "99.9 %"), (0.5, "50 %")]
+)
+def test_a_channel_that_once_stood_still_did_not_change_in_every_window(
+    changed: float, words: str
+) -> None:
+    assert f"in training it changed in {words}" in changed_words(changed)
+
+
+def test_windows_that_overlap_the_last_one_are_not_counted() -> None:
+    """Every other of windows half a length apart: as late as without those between."""
+    found = first_found([window(n, (1.0, 0.0), every_s=0.05) for n in range(50)], motion())
+    assert (found.windows, found.time_s) == (3, pytest.approx(0.29))
+
+
+def test_a_clock_that_was_set_back_begins_the_count_anew() -> None:
+    later = [window(n, (1.0, 0.0)) for n in (100, 101)]
+    found = first_found([*later, *(window(n, (1.0, 0.0)) for n in range(9))], motion())
+    assert (found.windows, found.time_s) == (3, pytest.approx(0.29))
+
+
+def test_values_that_are_missing_are_named_as_such() -> None:
+    whole = [window(n, (1.0, 0.0)) for n in range(3)]
+    found = first_found(
+        [replace(own, usable=np.full(1, 0.9, np.float32)) for own in whole], motion()
+    )
+    assert not found.usable
+
+
+def test_a_channel_that_stood_still_in_half_of_a_class_is_still_watched() -> None:
+    assert watched([window(n, (1.0, 0.0)) for n in range(99)], motion(still=0.5, worst=0.5)) != []
+
+
+def test_moving_means_as_much_as_in_training_of_any_channel_that_ever_moved() -> None:
+    """Half a millivolt is much for a channel that moves by a millivolt."""
+    small = replace(motion(), usual=np.array([1e-3, 0.0]))
+    ranges = np.array([[4e-4, 9.0], [5e-4, 0.0], [9e-4, 0.0]])
+    assert small.moving(ranges).tolist() == [False, True, True]
+
+
+def test_of_each_trials_windows_those_are_looked_at_that_do_not_overlap() -> None:
+    starts_s = np.array([0.2, 0.0, 0.05, 0.1, 0.0, 0.3])
+    trial = np.array([0, 0, 0, 0, 1, 1])
+    mask = np.ones((6, STEPS), bool)
+    mask[5, 1:] = False  # a single row
+    values = np.zeros((6, STEPS, 2), np.float32)
+    none = np.zeros(6, np.float32)
+    windows = Windows(values, mask, none + 1, none, starts_s, starts_s + 0.09)
+    assert looked_at(windows, trial).tolist() == [1, 3, 0, 4]
+
+
+def test_figures_of_training_are_compared_by_identity() -> None:
+    """They hold arrays, whose equality is no yes or no."""
+    own = motion()
+    assert own == own
+    assert own != motion()
