@@ -128,6 +128,12 @@ def test_it_is_said_since_when_and_how_often_the_channel_moved_in_training() -> 
     assert lost.words().startswith("channel b has given no value, or the same one, for 0.3 s;")
 
 
+def test_a_channel_that_moves_in_between_is_counted_from_nothing() -> None:
+    moved = [0.0, 1.0, *[0.0] * 6]
+    found = first_found([window(n, (1.0, each)) for n, each in enumerate(moved)], motion())
+    assert (found.windows, found.time_s) == (3, pytest.approx(0.49))
+
+
 @pytest.mark.parametrize(
     ("changed", "words"), [(1.0, "every window"), (0.9999, "99.9 %"), (0.5, "50 %")]
 )
