@@ -44,6 +44,7 @@ def grasps(own: Exemplars) -> Grasps:
         grasp=tuple(own.grasp),
         session=tuple(own.session),
         start_s=tuple(np.zeros(len(own))),
+        recording=("",) * len(own),
         digest="",
     )
 

@@ -215,8 +215,9 @@ class Adapt:
                 )
             bar.update(task, description="learning")
             adapted = adapt_last_layer(
-                run, grasps.windows, grasps.label, grasps.grasp, grasps.session
-            )
+                run, grasps.windows, grasps.label, grasps.grasp, grasps.session,
+                recordings=set(grasps.recording),
+            )  # fmt: skip
             bar.update(task, description="measuring")
             before, after = measured(run, adapted.run, self.test, level)
         counts = ", ".join(f"{name!r} from {grasps.count(name)} grasps" for name in names)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.contract import Contract
+from taxel.bundles.contract import Contract, fingerprint_of
 from taxel.bundles.levels import TouchLevel
 from taxel.bundles.recordings import load_at_level, load_by_session
 from taxel.errors import BadDataset, BadInput
@@ -41,6 +41,8 @@ class Grasps:
     """Each window's session, or recording; the training's only where the data are the same."""
     start_s: tuple[float, ...]
     """Each window's grasp's start on its recording's clock, seconds."""
+    recording: tuple[str, ...]
+    """The fingerprint of each window's recording, see `bundles.contract.fingerprint_of`."""
     digest: str
     """SHA-256 over the recordings' values, hexadecimal."""
 
@@ -55,6 +57,7 @@ class Grasps:
             grasp=tuple(self.grasp[i] for i in part),
             session=tuple(self.session[i] for i in part),
             start_s=tuple(self.start_s[i] for i in part),
+            recording=tuple(self.recording[i] for i in part),
             digest=self.digest,
         )
 
@@ -103,6 +106,7 @@ def read_grasps(
         grasp=tuple(name for part in parts for name in part.grasp),
         session=tuple(name for part in parts for name in part.session),
         start_s=tuple(start for part in parts for start in part.start_s),
+        recording=tuple(name for part in parts for name in part.recording),
         digest=" ".join(part.digest for part in parts),
     )
 
@@ -187,6 +191,7 @@ def _read(path: Path, contract: Contract, touches: TouchLevel | None, by_session
         grasp=tuple(origin + trial.groups["trial"] for trial in trials),
         session=tuple(origin + trial.groups[key] for trial in trials),
         start_s=tuple(trial.start_s for trial in trials),
+        recording=tuple(fingerprint_of(dataset.fingerprints[t.recording]) for t in trials),
         digest=dataset.digest,
     )
 
