@@ -5,7 +5,8 @@ for each recording, trial, group or window:
 
     recording   file name of the recording, with or without .mcap; or, instead of it,
     group:KEY   a value of the group KEY, such as an object: all of its trials
-    side        train, validation (or val) or test; unused takes no part
+    side        train, validation (or val) or test; unused takes no part: beside a line for the
+                whole recording, an unused line with start_s leaves out one trial of it
     fold        a fold's name. Without side: the row is tested in this fold and trains all
                 others. With side: on which side it stands in this fold
     start_s     where the row starts on the recording's clock, seconds; without it the row is the
@@ -75,6 +76,8 @@ class RowFold:
     train: tuple[int, ...]
     validation: tuple[int, ...]
     test: tuple[int, ...]
+    unused: tuple[int, ...] = ()
+    """Rows that take no part, though another row may name the whole recording."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,6 +241,7 @@ def _sided(path: Path, rows: tuple[FoldRow, ...], name: str, to_score: bool) -> 
     for index, row in enumerate(rows):
         if row.fold == name and row.side is not None:
             own[row.side].append(index)
+    _refuse_contradiction(path, [row for row in rows if row.fold == name])
     of = f" of fold {name!r}" if name else ""
     needed = ("test",) if to_score else ("train", "test")
     for side in needed:
@@ -250,5 +254,19 @@ def _sided(path: Path, rows: tuple[FoldRow, ...], name: str, to_score: bool) -> 
             )  # fmt: skip
     return RowFold(
         name=f"fold {name}" if name else "test", train=tuple(own["train"]),
-        validation=tuple(own["validation"]), test=tuple(own["test"]),
+        validation=tuple(own["validation"]), test=tuple(own["test"]), unused=tuple(own["unused"]),
     )  # fmt: skip
+
+
+def _refuse_contradiction(path: Path, rows: Sequence[FoldRow]) -> None:
+    """Refuse a fold's rows that name the very same as unused and on a side."""
+    first: dict[tuple[object, ...], FoldRow] = {}
+    for row in rows:
+        times = (None if value != value else value for value in (row.start_s, row.end_s))
+        before = first.setdefault((row.value, row.view, *times), row)
+        if before.side != row.side and "unused" in (before.side, row.side):
+            raise BadTable(
+                "each line to name what no other line names", f"{row.value!r} as {row.side} in "
+                f"{path.name}, line {row.line}, and as {before.side} in line {before.line}",
+                "leave one of them out",
+            )  # fmt: skip
