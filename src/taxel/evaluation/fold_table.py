@@ -25,6 +25,7 @@ import csv
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from math import nan
 from pathlib import Path
 from typing import Literal
@@ -154,18 +155,35 @@ def _lines(path: Path) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:
         text = "".join(lines_of(path, LARGEST_LIST)).removeprefix("\ufeff")
         top = text.lstrip("\r\n").partition("\n")[0]
         separator = max(",;\t", key=top.count)
-        reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=separator)
-        lines = [(number, line) for number, line in enumerate(reader, 2) if any(line.values())]
-        header = [str(name).strip() for name in reader.fieldnames or []]
+        lines: list[tuple[int, list[str]]] = []
+        reader, number = csv.reader(io.StringIO(text, newline=""), delimiter=separator), 1
+        for cells in reader:
+            if any(cell.strip() for cell in cells):
+                lines.append((number, [cell.strip() for cell in cells]))
+            number = reader.line_num + 1  # a cell between quotes may hold several lines
     except (OSError, BadFile, csv.Error) as error:
         raise BadTable("a table of folds (CSV) that can be read", f"{path}, which is not one",
                        "check the path") from error  # fmt: skip
-    return header, [(number, {str(k).strip(): str(v or "").strip() for k, v in line.items()})
-                    for number, line in lines]  # fmt: skip
+    header = lines[0][1] if lines else []
+    while header and not header[-1]:  # as spreadsheets fill up lines
+        header.pop()
+    for number, cells in lines[1:]:
+        if surplus := [at for at, cell in enumerate(cells, 1) if at > len(header) and cell]:
+            raise BadTable(
+                f"at most {len(header)} cells, as line {lines[0][0]} has names",
+                f"{cells[surplus[0] - 1]!r} in column {surplus[0]} of {path.name}, line {number}",
+                "mend the line; a value that holds a comma stands between quotes",
+            )  # fmt: skip
+    return header, [(number, dict(zip_longest(header, cells[: len(header)], fillvalue="")))
+                    for number, cells in lines[1:]]  # fmt: skip
 
 
 def _key(path: Path, header: list[str]) -> str:
     """Return the column that says what a row is."""
+    for again in (name for at, name in enumerate(header) if name in header[:at]):
+        columns = [str(at) for at, name in enumerate(header, 1) if name == again]
+        raise BadTable("each column once", f"{again!r} in the columns {' and '.join(columns)} of "
+                       f"{path}, line 1", "remove all but one of them")  # fmt: skip
     names = [name for name in header if name == "recording" or name.startswith(GROUP)]
     others = [name for name in header if name not in COLUMNS and name not in names]
     sided = "fold" in header or "side" in header
