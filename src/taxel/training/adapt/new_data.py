@@ -18,9 +18,9 @@ from taxel.bundles.contract import Contract, fingerprint_of
 from taxel.bundles.levels import TouchLevel
 from taxel.bundles.recordings import load_at_level, load_by_session
 from taxel.errors import BadDataset, BadInput
+from taxel.labels.joined import joined_label, with_joined_labels
 from taxel.labels.trials import trials_of
 from taxel.recordings.reader import list_recordings, read_manifest, read_recording
-from taxel.training.exemplars import label_of
 from taxel.windows.windower import Windows
 
 _DIGEST_LETTERS = 12
@@ -173,7 +173,8 @@ def _read(path: Path, contract: Contract, touches: TouchLevel | None, by_session
         dataset = load_by_session(path, contract, touches)
     else:
         dataset = load_at_level(path, contract, touches)
-    labels = [label_of(dict(trial.labels), contract.target) for trial in dataset.trials]
+    with_joined_labels(dataset.trials, contract.target, path)
+    labels = [joined_label(trial.labels, contract.target) for trial in dataset.trials]
     for trial, label in zip(dataset.trials, labels, strict=True):
         if label is None:
             raise BadDataset(
