@@ -20,7 +20,9 @@ from taxel.recordings.reader import read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, SensorInfo
 from taxel.sources.simulated.data_sets import simulate_presets
-from taxel.training.adapt.new_data import clock_time
+from taxel.training.adapt.correcting import learn_corrections
+from taxel.training.adapt.drift import Drift
+from taxel.training.adapt.new_data import clock_time, read_grasps
 from taxel.training.run import load_run
 from taxel.windows.dataset import load_dataset
 
@@ -161,6 +163,28 @@ def test_tables_are_printed_for_people(place: Path, capsys: pytest.CaptureFixtur
     assert "new class 'sphere' from 5 grasps" in out
     assert "all known before" in out
     assert "run.v1" in out
+
+
+def test_what_must_be_said_stands_in_lines_of_its_own(
+    place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A test for unknown touch that is left out; drifts."""
+    copy(place / "held-out.mcap", place / "known.mcap", lambda mark: not SPHERE(mark))
+    trained = load_run(Path("run"))
+    sure = replace(trained, contract=replace(trained.contract, unknown=object()))
+    monkeypatch.setattr("taxel.cli.live.adapt._load", lambda _: sure)
+    main(["adapt", "run", "--new", "new.mcap", "--output", "taught"])
+    taught = capsys.readouterr().out
+    drifted = learn_corrections(trained, read_grasps([place / "known.mcap"], trained.contract))
+    drifts = (Drift(grasp=0, before=0.1, after=0.4), Drift(grasp=1, before=0.4, after=0.7))
+    monkeypatch.setattr("taxel.training.adapt.correcting.learn_corrections",
+                        lambda *_, **__: replace(drifted, drifts=drifts))  # fmt: skip
+    main(["adapt", "run", "--correct", "known.mcap", "--output", "corrected"])
+    corrected = capsys.readouterr().out
+
+    assert "\nthe test for unknown touch is left out" in taught
+    assert corrected.count("\ndrift since ") == 2
+    assert "x0a" not in taught + corrected
 
 
 @pytest.mark.parametrize(

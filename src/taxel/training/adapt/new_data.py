@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from taxel.bundles.contract import Contract, fingerprint_of
 from taxel.bundles.levels import TouchLevel
 from taxel.bundles.recordings import load_at_level, load_by_session
+from taxel.bundles.versions import OF_ALL, OF_KNOWN, class_key
 from taxel.errors import BadDataset, BadInput
 from taxel.labels.joined import joined_label, with_joined_labels
 from taxel.labels.trials import trials_of
@@ -226,7 +227,10 @@ def measured_at(
 def by_class(
     found: NDArray[np.floating], classes: Sequence[str], label: Sequence[str], known: Sequence[str]
 ) -> dict[str, float]:
-    """Return class → share of its windows predicted correctly, 0…1, all, and all known before.
+    """Return what is measured → share of its windows predicted correctly, 0…1.
+
+    All windows come first, under `OF_ALL`, and those of all classes known before where there are
+    others too, under `OF_KNOWN`; then each class under its `class_key`.
 
     Args:
         found: Probabilities, shape (n, classes).
@@ -236,8 +240,10 @@ def by_class(
     """
     names = np.array(label)
     right = np.array(classes)[found.argmax(axis=1)] == names
-    shares = {"all": float(right.mean())}
+    shares = {OF_ALL: float(right.mean())}
     old = np.isin(names, known)
     if old.any() and not old.all():
-        shares["all known before"] = float(right[old].mean())
-    return shares | {name: float(right[names == name].mean()) for name in sorted(set(label))}
+        shares[OF_KNOWN] = float(right[old].mean())
+    return shares | {
+        class_key(name): float(right[names == name].mean()) for name in sorted(set(label))
+    }
