@@ -20,7 +20,10 @@ from taxel.recordings.reader import read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, SensorInfo
 from taxel.sources.simulated.data_sets import simulate_presets
-from taxel.training.adapt.new_data import clock_time
+from taxel.training.adapt.correcting import learn_corrections
+from taxel.training.adapt.drift import Drift
+from taxel.training.adapt.new_data import clock_time, read_grasps
+from taxel.training.run import load_run
 from taxel.windows.dataset import load_dataset
 
 SENSOR = SensorInfo(name="t", channels=("a",), units=("V",), rate_hz=100.0)
@@ -29,11 +32,12 @@ KNOWN: Keep = lambda mark: mark.groups["object"] == "cylinder-glass"  # noqa: E7
 SPHERE: Keep = lambda mark: mark.labels["shape"] == "sphere"  # noqa: E731
 
 
-def copy(source: Path, output: Path, keep: Keep) -> None:
-    """Write a recording again with some of its grasps."""
+def copy(source: Path, output: Path, keep: Keep, gain: float = 1.0) -> None:
+    """Write a recording again with some of its grasps; with a gain it is another recording."""
     recording = read_recording(source)
+    samples = replace(recording.samples, values=recording.samples.values * np.float32(gain))
     with Recorder(output, recording.manifest) as recorder:
-        recorder.write(recording.samples)
+        recorder.write(samples)
         for mark in filter(keep, recording.marks):
             recorder.mark(mark)
 
@@ -121,8 +125,6 @@ def test_a_pad_is_brought_to_level_without_touching_the_model(
 def test_a_run_can_be_brought_to_level_too_and_its_exemplars_with_it(
     place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from taxel.training.run import load_run
-
     old = load_run(Path("run"))
     found = run("adapt run --touches touch.mcap --output other", capsys)
     new = load_run(Path("other"))
@@ -161,6 +163,28 @@ def test_tables_are_printed_for_people(place: Path, capsys: pytest.CaptureFixtur
     assert "new class 'sphere' from 5 grasps" in out
     assert "all known before" in out
     assert "run.v1" in out
+
+
+def test_what_must_be_said_stands_in_lines_of_its_own(
+    place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A test for unknown touch that is left out; drifts."""
+    copy(place / "held-out.mcap", place / "known.mcap", lambda mark: not SPHERE(mark))
+    trained = load_run(Path("run"))
+    sure = replace(trained, contract=replace(trained.contract, unknown=object()))
+    monkeypatch.setattr("taxel.cli.live.adapt._load", lambda _: sure)
+    main(["adapt", "run", "--new", "new.mcap", "--output", "taught"])
+    taught = capsys.readouterr().out
+    drifted = learn_corrections(trained, read_grasps([place / "known.mcap"], trained.contract))
+    drifts = (Drift(grasp=0, before=0.1, after=0.4), Drift(grasp=1, before=0.4, after=0.7))
+    monkeypatch.setattr("taxel.training.adapt.correcting.learn_corrections",
+                        lambda *_, **__: replace(drifted, drifts=drifts))  # fmt: skip
+    main(["adapt", "run", "--correct", "known.mcap", "--output", "corrected"])
+    corrected = capsys.readouterr().out
+
+    assert "\nthe test for unknown touch is left out" in taught
+    assert corrected.count("\ndrift since ") == 2
+    assert "x0a" not in taught + corrected
 
 
 @pytest.mark.parametrize(
@@ -319,3 +343,32 @@ def test_a_run_is_adapted_from_inside_its_folder(
     assert found["version"] == 2
     assert run("adapt . --history", capsys)["current"] == 2
     assert (place / "run.v1" / "run.json").exists()
+
+
+def test_what_was_learned_by_adapting_is_known_to_be_seen_until_it_is_taken_back(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both ways of learning on add to the recordings that the contract names."""
+    copy(place / "held-out.mcap", place / "known.mcap", lambda mark: not SPHERE(mark))
+    copy(place / "new.mcap", place / "other.mcap", lambda mark: True, gain=1.01)
+    before = load_run(Path("run"), weights=False).contract
+
+    run("adapt run --new other.mcap", capsys)
+    taught = load_run(Path("run"), weights=False).contract
+    run("adapt run --correct known.mcap", capsys)
+    corrected = load_run(Path("run"), weights=False).contract
+    run("bundle run --output both.taxel --data old", capsys)
+    scored = run("evaluate both.taxel known.mcap", capsys)
+    main(["evaluate", "both.taxel", "other.mcap"])
+    said = capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["compare", "run", "run", "--test", "known.mcap"])
+    refused = capsys.readouterr().err
+    run("adapt run --rollback 1", capsys)
+
+    assert set(before.learned) < set(taught.learned) < set(corrected.learned)
+    assert len({before.data_digest, taught.data_digest, corrected.data_digest}) == 3
+    assert scored["learned_from"] == ["known.mcap"]
+    assert "other.mcap" in said
+    assert "neither run was trained on; got known.mcap" in refused
+    assert load_run(Path("run"), weights=False).contract.learned == before.learned

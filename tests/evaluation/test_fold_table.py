@@ -52,7 +52,7 @@ def test_a_table_from_a_spreadsheet_is_the_same(
 ) -> None:
     """Semicolons where the comma is a decimal one, as in an import table; a mark at the start."""
     known = table(tmp_path, *SIDED)
-    text = "\r\n".join((*SIDED, ",")).replace(",", separator)
+    text = "\r\n".join((SIDED[0] + ",,", *SIDED[1:], ",,,")).replace(",", separator)
     (tmp_path / "folds.csv").write_bytes(text.encode(encoding))
 
     assert read_fold_table(tmp_path / "folds.csv") == known
@@ -165,6 +165,13 @@ def test_a_recording_that_gave_no_window_is_no_error(tmp_path: Path) -> None:
         (("recording", "s0"), "the columns recording (or group:KEY), fold or side"),
         (("recording:side", "s0:train"), "between commas, semicolons or tabs"),
         (("recording;start_s;side", "s0;0,5;train"), "seconds in start_s, such as 12.5; got '0,5'"),
+        (("recording,side,side", "s0,test,train", "s1,train,test"),
+         "each column once; got 'side' in the columns 2 and 3 of"),
+        (("recording,recording,side", "s0,s1,test"), "'recording' in the columns 1 and 2"),
+        (("recording,side", "s0,train", "", "s1,0,test"),
+         "got 'test' in column 3 of folds.csv, line 4; mend the line"),
+        (("side,group:session", "train,s0", "test,a, b"), "between quotes"),
+        (("recording,side", "s0,train", "", "s1,tset"), "'tset' in folds.csv, line 4"),
         (("recording,side",), "at least one row"),
         (("recording,side", ",train"), "a value of recording in every row"),
     ],

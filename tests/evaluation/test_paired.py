@@ -245,3 +245,32 @@ def test_objects_that_were_held_out_over_several_sessions_are_taken_as_wholes():
     found = compare_runs(held(first), held(second))
     assert (found.group, len(found.groups)) == ("object", 4)
     assert compare_runs(first, second).group == "session"
+
+
+def test_runs_with_other_labels_on_the_same_windows_are_refused():
+    """The same values imported again with corrected labels have the same digest."""
+    run = make_run([0.5, 0.5])
+    assert run.predictions is not None
+    y = run.predictions.y.copy()
+    y[:3] = 1 - y[:3]
+    relabelled = replace(run, predictions=replace(run.predictions, y=y))
+
+    with pytest.raises(BadInput, match="same labels; got 3 of 80 windows with another class"):
+        compare_runs(run, relabelled)
+
+
+@pytest.mark.parametrize(("there", "changed"), [("s0", 40), (None, 80)])
+def test_runs_with_other_sessions_on_the_same_windows_are_refused(there: str | None, changed: int):
+    run = make_run([0.5, 0.5])
+    assert run.predictions is not None
+    given = {} if there is None else {"session": there}
+    trials = tuple(
+        replace(t, groups={k: v for k, v in t.groups.items() if k != "session"} | given)
+        for t in run.predictions.trials
+    )
+    other = replace(run, predictions=replace(run.predictions, trials=trials))
+
+    for pair in ((run, other), (other, run)):
+        with pytest.raises(BadInput, match=f"same .*sessions.*{changed} of 80"):
+            compare_runs(*pair)
+    assert compare_runs(run, run, group="grasp").group == "grasp"

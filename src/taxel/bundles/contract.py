@@ -9,8 +9,9 @@ unpickled. Knows nothing about training frameworks.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import MISSING, asdict, dataclass, fields, replace
+from hashlib import sha256
 from typing import Any, get_args
 
 import numpy as np
@@ -138,6 +139,20 @@ def fingerprint_of(digest: str) -> str:
     once in 10⁷ data sets.
     """
     return digest[:16]
+
+
+def learned_too(contract: Contract, recordings: Collection[str], windows: bytes) -> Contract:
+    """Return the contract of a recogniser that has learned more since.
+
+    Args:
+        contract: What it was.
+        recordings: A fingerprint of each recording of what it learned, see `fingerprint_of`.
+        windows: The values that it learned.
+    """
+    # Where it is not known what it was trained on, a part must not be taken for all of it.
+    known = {*contract.learned, *recordings} if contract.learned else set()
+    digest = sha256(contract.data_digest.encode() + windows)
+    return replace(contract, learned=tuple(sorted(known)), data_digest=digest.hexdigest())
 
 
 def following(contract: Contract, follow_s: float) -> Contract:

@@ -32,10 +32,15 @@ from taxel.recordings.whole import write_whole
 
 FORMAT = 1
 """Version of the history's layout."""
+_CLASS = "class "
 _LARGEST_HISTORY = 4 * MIB
 _LARGEST_NUMBER = 10**9 - 1
 _MOST_FILES = 1000
 """Bounds of a history and of a run's folder, which has ten or so files. Source: our choice."""
+
+
+OF_ALL, OF_KNOWN = "all", "all known before"
+"""Under these names stand the accuracies of all windows, and of those of classes known before."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +54,7 @@ class Change:
     data_digest: str = ""
     """SHA-256 over their values, hexadecimal."""
     before: Mapping[str, float] = field(default_factory=dict)
-    """What was measured → accuracy before, 0…1."""
+    """What was measured, `OF_ALL`, `OF_KNOWN` or a class by `class_key` → accuracy before, 0…1."""
     after: Mapping[str, float] = field(default_factory=dict)
     """The same after."""
 
@@ -88,6 +93,14 @@ class History:
                 return version
         known = ", ".join(str(version.number) for version in self.versions)
         raise BadInput(f"one of the versions {known}", str(number), "see them with --history")
+
+
+def class_key(name: str) -> str:
+    """Return under which name a class's accuracy stands: its own, unless a total's is like it."""
+    bare = name
+    while bare.startswith(_CLASS):
+        bare = bare.removeprefix(_CLASS)
+    return _CLASS + name if bare in (OF_ALL, OF_KNOWN) else name
 
 
 def named_path(path: Path) -> Path:

@@ -50,8 +50,8 @@ class Responses:
     """Shape (presses,): 10 to 90 % of the height, seconds; NaN where it is not clear. The
     gauge's own speed is in it."""
     fall_s: NDArray[np.float64]
-    """Shape (presses,): time constant of the fall right after the peak, seconds; NaN where
-    it is not clear."""
+    """Shape (presses,): time constant of the fall while the force stays, seconds; NaN where it is
+    not clear, or where the signal falls with the release alone."""
     recovery_s: NDArray[np.float64]
     """Shape (presses,): from 90 to 10 % of the height after the peak, seconds; NaN where it is not
     clear, or not over when the press is. The gauge's own speed is in it."""
@@ -265,9 +265,21 @@ def _crossing(rising: NDArray[np.float64], level: float) -> float:
 
 
 def _fall_s(own: NDArray[np.float64], peak: int, rate_hz: float) -> float:
-    """Return the time constant from 95 to 60 % of the peak, seconds."""
+    """Return the time constant from 95 to 60 % of the peak, seconds; NaN where it is the release.
+
+    A force that stays cannot be seen. The fall is taken for the signal's own where it is over in
+    the first half of the touch, or where what comes behind it is much steeper: the release.
+    """
     after = own[peak:] / own[peak]
     starts, ends = np.flatnonzero(after < 0.95), np.flatnonzero(after < 0.6)
     if len(starts) == 0 or len(ends) == 0 or ends[0] <= starts[0]:
         return math.nan
-    return float((ends[0] - starts[0]) / rate_hz / math.log(0.95 / 0.6))
+    first, last = int(starts[0]), int(ends[0])
+    begins = np.flatnonzero(own[: peak + 1] < 0.5 * own[peak])
+    before = peak - int(begins[-1]) if len(begins) else 0
+    over = int(np.flatnonzero(after > 0.1)[-1])
+    early = before + last <= 0.5 * (before + over)
+    steep = -np.diff(after)
+    if not early and 2.0 * steep[first - 1 : last].max() > steep[last:].max(initial=0.0):
+        return math.nan
+    return float((last - first) / rate_hz / math.log(0.95 / 0.6))

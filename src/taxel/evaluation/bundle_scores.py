@@ -133,7 +133,7 @@ def _test_part(
     if left:
         notes.append(f"{len(left)} of {len(dataset.trials)} trials are not in the test part of "
                      f"{table.name}: left out")  # fmt: skip
-    notes += idle_note(table, [row for row in idle if row.side == "test"])
+    notes += idle_note(table, [row for row in idle if row.side in ("test", "unused")])
     both = {trial.recording for trial in left} & {
         name for name, own in part.fingerprints.items() if fingerprint_of(own) in learned
     }

@@ -23,6 +23,7 @@ from taxel.evaluation.nested import Nested, check_choice, check_choosing
 from taxel.evaluation.outer_split import USUAL, OuterSplit, check_training_parts
 from taxel.evaluation.shared_values import objects_on_both
 from taxel.evaluation.splits import Split, TrialFold
+from taxel.labels.joined import parts_of
 from taxel.models.blend import EXPERT, Blend
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.choice import Choice
@@ -141,7 +142,8 @@ def train_expert(
     folds = task.split.of(base)
     own = _learned_from(base, folds, task.split)
     if reject_novel is not None:  # refused now, not after minutes
-        check_enough(len(own), len(task.target.split("+")), reject_novel)
+        parts = parts_of(task.target, (trial.labels for trial in base.dataset.trials))
+        check_enough(len(own), len(parts), reject_novel)
     if like is not None:
         on_step("cutting as chosen before")
         cut = _cut_as(base, like)

@@ -5,7 +5,8 @@ for each recording, trial, group or window:
 
     recording   file name of the recording, with or without .mcap; or, instead of it,
     group:KEY   a value of the group KEY, such as an object: all of its trials
-    side        train, validation (or val) or test; unused takes no part
+    side        train, validation (or val) or test; unused takes no part: beside a line for the
+                whole recording, an unused line with start_s leaves out one trial of it
     fold        a fold's name. Without side: the row is tested in this fold and trains all
                 others. With side: on which side it stands in this fold
     start_s     where the row starts on the recording's clock, seconds; without it the row is the
@@ -24,6 +25,7 @@ import csv
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from math import nan
 from pathlib import Path
 from typing import Literal
@@ -75,6 +77,8 @@ class RowFold:
     train: tuple[int, ...]
     validation: tuple[int, ...]
     test: tuple[int, ...]
+    unused: tuple[int, ...] = ()
+    """Rows that take no part, though another row may name the whole recording."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,18 +155,35 @@ def _lines(path: Path) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:
         text = "".join(lines_of(path, LARGEST_LIST)).removeprefix("\ufeff")
         top = text.lstrip("\r\n").partition("\n")[0]
         separator = max(",;\t", key=top.count)
-        reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=separator)
-        lines = [(number, line) for number, line in enumerate(reader, 2) if any(line.values())]
-        header = [str(name).strip() for name in reader.fieldnames or []]
+        lines: list[tuple[int, list[str]]] = []
+        reader, number = csv.reader(io.StringIO(text, newline=""), delimiter=separator), 1
+        for cells in reader:
+            if any(cell.strip() for cell in cells):
+                lines.append((number, [cell.strip() for cell in cells]))
+            number = reader.line_num + 1  # a cell between quotes may hold several lines
     except (OSError, BadFile, csv.Error) as error:
         raise BadTable("a table of folds (CSV) that can be read", f"{path}, which is not one",
                        "check the path") from error  # fmt: skip
-    return header, [(number, {str(k).strip(): str(v or "").strip() for k, v in line.items()})
-                    for number, line in lines]  # fmt: skip
+    header = lines[0][1] if lines else []
+    while header and not header[-1]:  # as spreadsheets fill up lines
+        header.pop()
+    for number, cells in lines[1:]:
+        if surplus := [at for at, cell in enumerate(cells, 1) if at > len(header) and cell]:
+            raise BadTable(
+                f"at most {len(header)} cells, as line {lines[0][0]} has names",
+                f"{cells[surplus[0] - 1]!r} in column {surplus[0]} of {path.name}, line {number}",
+                "mend the line; a value that holds a comma stands between quotes",
+            )  # fmt: skip
+    return header, [(number, dict(zip_longest(header, cells[: len(header)], fillvalue="")))
+                    for number, cells in lines[1:]]  # fmt: skip
 
 
 def _key(path: Path, header: list[str]) -> str:
     """Return the column that says what a row is."""
+    for again in (name for at, name in enumerate(header) if name in header[:at]):
+        columns = [str(at) for at, name in enumerate(header, 1) if name == again]
+        raise BadTable("each column once", f"{again!r} in the columns {' and '.join(columns)} of "
+                       f"{path}, line 1", "remove all but one of them")  # fmt: skip
     names = [name for name in header if name == "recording" or name.startswith(GROUP)]
     others = [name for name in header if name not in COLUMNS and name not in names]
     sided = "fold" in header or "side" in header
@@ -238,6 +259,7 @@ def _sided(path: Path, rows: tuple[FoldRow, ...], name: str, to_score: bool) -> 
     for index, row in enumerate(rows):
         if row.fold == name and row.side is not None:
             own[row.side].append(index)
+    _refuse_contradiction(path, [row for row in rows if row.fold == name])
     of = f" of fold {name!r}" if name else ""
     needed = ("test",) if to_score else ("train", "test")
     for side in needed:
@@ -250,5 +272,19 @@ def _sided(path: Path, rows: tuple[FoldRow, ...], name: str, to_score: bool) -> 
             )  # fmt: skip
     return RowFold(
         name=f"fold {name}" if name else "test", train=tuple(own["train"]),
-        validation=tuple(own["validation"]), test=tuple(own["test"]),
+        validation=tuple(own["validation"]), test=tuple(own["test"]), unused=tuple(own["unused"]),
     )  # fmt: skip
+
+
+def _refuse_contradiction(path: Path, rows: Sequence[FoldRow]) -> None:
+    """Refuse a fold's rows that name the very same as unused and on a side."""
+    first: dict[tuple[object, ...], FoldRow] = {}
+    for row in rows:
+        times = (None if value != value else value for value in (row.start_s, row.end_s))
+        before = first.setdefault((row.value, row.view, *times), row)
+        if before.side != row.side and "unused" in (before.side, row.side):
+            raise BadTable(
+                "each line to name what no other line names", f"{row.value!r} as {row.side} in "
+                f"{path.name}, line {row.line}, and as {before.side} in line {before.line}",
+                "leave one of them out",
+            )  # fmt: skip

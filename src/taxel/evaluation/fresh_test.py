@@ -14,7 +14,7 @@ import numpy as np
 from taxel.bundles.contract import fingerprint_of
 from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.fold_table import FoldTable
-from taxel.evaluation.table_split import trials_of_row
+from taxel.evaluation.table_split import trials_tested
 from taxel.training.fitting import Fitted
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
@@ -83,11 +83,7 @@ def only_tested(found: Predictions, table: FoldTable) -> Predictions:
         BadInput: The run trained on windows of a trial that it tests, or tested none of them.
     """
     recordings = {trial.groups["recording"] for trial in found.trials}
-    rows = {i for fold in table.folds for i in fold.test}
-    tested = frozenset().union(
-        *(trials_of_row(table.rows[i], table, found.trials, recordings) for i in rows)
-    )
-    kept = np.isin(found.trial, sorted(tested))
+    kept = np.isin(found.trial, sorted(trials_tested(table, found.trials, recordings)))
     if not kept.any():
         raise BadInput(f"windows of trials that {table.name} tests", "none in the run",
                        "evaluate it with: --folds TABLE")  # fmt: skip

@@ -6,7 +6,7 @@ none. The test over whole groups is the one to believe. Knows nothing about fold
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,6 +119,7 @@ def compare_predictions(
     ours, theirs = _alike(ours, theirs)
     coarsest = coarsest_of(ours)
     key = group or coarsest
+    _refuse_regrouped(ours, theirs, {key, coarsest, coarsest_of(theirs)})
     names, index = np.unique(ours.group(key), return_inverse=True)
     right, other = ours.correct, theirs.correct
     count = np.bincount(index)
@@ -232,6 +233,7 @@ def _alike(one: Predictions, two: Predictions) -> tuple[Predictions, Predictions
             f"{len(one)} and {len(two)} that do not all start together",
             "train both with the same --recipe and --window",
         )
+    _refuse_changed("labels", "class", one.y != two.y)  # folds may follow from them
     folds = [[p.folds[f] for f in p.fold] for p in (one, two)]
     if folds[0] != folds[1]:
         raise BadInput(
@@ -239,6 +241,23 @@ def _alike(one: Predictions, two: Predictions) -> tuple[Predictions, Predictions
             "train both with the same --seed and --fold-count",
         )  # fmt: skip
     return one, two
+
+
+def _refuse_regrouped(one: Predictions, two: Predictions, keys: Collection[str]) -> None:
+    """Refuse groups that were corrected between two runs, where the tests depend on them."""
+    for key in sorted(keys):
+        ours, theirs = ([p.trials[t].groups.get(key) for t in p.trial] for p in (one, two))
+        changed = [own != other for own, other in zip(ours, theirs, strict=True)]
+        _refuse_changed(f"{key}s", key, np.array(changed))
+
+
+def _refuse_changed(what: str, kind: str, changed: NDArray[np.bool_]) -> None:
+    if changed.any():
+        raise BadInput(
+            f"two runs with the same {what}",
+            f"{int(changed.sum())} of {len(changed)} windows with another {kind} in the second",
+            "train both on one import",
+        )
 
 
 def _ordered(found: Predictions) -> Predictions:

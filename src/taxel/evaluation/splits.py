@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from taxel.errors import BadSplit
 from taxel.evaluation.first_share import first_share, group_numbers
 from taxel.labels.class_order import figures_as_classes
+from taxel.labels.joined import with_joined_label
 from taxel.windows.checks import MORE_WINDOWS, no_window
-from taxel.windows.dataset import Dataset, with_joined_label
+from taxel.windows.dataset import Dataset
 
 NAMED = "random, group:KEY, order:KEY:LAST, order:KEY:LAST:END or order:KEY:70%"
 """What may be named."""

@@ -7,7 +7,7 @@ Background of our choices: docs/decisions/0040.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -126,9 +126,12 @@ def split_by_table(
     lacking = {i for i, row in enumerate(table.rows) if _moved(row, dataset.unlabelled)}
     folds = []
     for fold in table.folds:
-        sides = [_all(owners[i] for i in rows) for rows in (fold.train, fold.validation, fold.test)]
+        sides = _sides(table, fold, dict(enumerate(owners)), dataset.trials)
         _refuse_both(table, dataset.trials, fold.name, sides)
         folds.append(TrialFold(fold.name, sides[0], sides[2], sides[1]))
+        if any(_all(owners[i] for i in rows) and not side
+               for rows, side in ((fold.train, sides[0]), (fold.test, sides[2]))):  # fmt: skip
+            raise _all_unused(table, fold)
         _refuse_empty(table, fold, folds[-1], lacking, target)
         check_classes(dataset, target, folds[-1])
     refuse_twice(table.name, [trial.groups["trial"] for trial in dataset.trials],
@@ -155,13 +158,34 @@ def trials_to_score(
         BadSplit: A trial stands on both sides, or there is nothing to test.
     """
     (fold,) = table.folds
-    test = _all(trials_of_row(table.rows[i], table, trials, recordings) for i in fold.test)
-    train, validation = (_all(_moved(table.rows[i], trials) for i in rows)
-                         for rows in (fold.train, fold.validation))  # fmt: skip
-    _refuse_both(table, trials, fold.name, [train, validation, test])
-    if not test:
+    own = _tested_by_row(table, fold, trials, recordings)
+    others = {i: _moved(table.rows[i], trials) for i in (*fold.train, *fold.validation)}
+    sides = _sides(table, fold, own | others, trials)
+    _refuse_both(table, trials, fold.name, sides)
+    if not sides[2] and any(own[i] for i in fold.test):
+        raise _all_unused(table, fold)
+    if not sides[2]:
         raise _nothing_to("test", table, fold.name, _NO_WINDOW)
-    return test
+    return sides[2]
+
+
+def trials_tested(
+    table: FoldTable, trials: Sequence[Trial], recordings: Collection[str]
+) -> frozenset[int]:
+    """Return the trials that any fold of a table tests, as indices; see `trials_to_score`."""
+    return _all(
+        _sides(table, replace(fold, train=(), validation=()),
+               _tested_by_row(table, fold, trials, recordings), trials)[2]
+        for fold in table.folds
+    )  # fmt: skip
+
+
+def _tested_by_row(
+    table: FoldTable, fold: RowFold, trials: Sequence[Trial], recordings: Collection[str]
+) -> dict[int, frozenset[int]]:
+    """Return the trials of each row of a fold that is tested, which must be there, or unused."""
+    found = {i: trials_of_row(table.rows[i], table, trials, recordings) for i in fold.test}
+    return found | {i: _moved(table.rows[i], trials) for i in fold.unused}
 
 
 def _test_folder(dataset: Dataset, target: str, folder: Path) -> tuple[Dataset, Split]:
@@ -264,6 +288,52 @@ def _moved(row: FoldRow, trials: Sequence[Trial], left_out: Sequence[Trial] = ()
 
 def _all(parts: Iterable[frozenset[int]]) -> frozenset[int]:
     return frozenset().union(*parts)
+
+
+def _sides(
+    table: FoldTable, fold: RowFold, owners: Mapping[int, frozenset[int]], trials: Sequence[Trial]
+) -> list[frozenset[int]]:
+    """Return the trials to train, to validate and to test on.
+
+    The more exact row holds: a moment beside its whole recording. Unused rows leave out what no
+    row as exact puts on a side.
+
+    Args:
+        table: It.
+        fold: One of its folds.
+        owners: Row's number → trials that it moves.
+        trials: All that may be moved, for the message.
+
+    Raises:
+        BadSplit: A trial is unused by one row, and on a side by another that is as exact.
+    """
+    left = {exact: _all(owners[i] for i in fold.unused if _is_exact(table.rows[i]) is exact)
+            for exact in (False, True)}  # fmt: skip
+    sides = []
+    for rows in (fold.train, fold.validation, fold.test):
+        for i in rows:
+            row = table.rows[i]
+            if both := sorted(owners[i] & left[_is_exact(row)]):
+                raise BadSplit(
+                    "each trial on one side",
+                    f"{trials[both[0]].groups['trial']} as {row.side} in {table.where(row)}, and "
+                    "as unused in another", "leave one of these lines out",
+                )  # fmt: skip
+        exact = _all(owners[i] for i in rows if _is_exact(table.rows[i]))
+        sides.append((_all(owners[i] for i in rows) - left[True]) | exact)
+    return sides
+
+
+def _is_exact(row: FoldRow) -> bool:
+    """Return whether a row names a moment, and not the whole of a recording or group."""
+    return row.start_s == row.start_s
+
+
+def _all_unused(table: FoldTable, fold: RowFold) -> BadSplit:
+    return BadSplit(
+        f"trials on both sides of {fold.name}", f"a side whose trials {table.name} leaves out as "
+        "unused", "mend the column side",
+    )  # fmt: skip
 
 
 def _refuse_both(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadInput
 from taxel.foreign.archives import read_kinds
+from taxel.labels.joined import joined_label
 from taxel.windows.dataset import Dataset
 
 GRASPS = 8
@@ -74,17 +75,9 @@ class Exemplars:
         )
 
 
-def label_of(labels: dict[str, str], target: str) -> str | None:
-    """Return the label that a target asks for, joined labels too; None where one is missing."""
-    if target in labels:
-        return labels[target]
-    parts = [labels.get(part) for part in target.split("+")]
-    return " ".join(part for part in parts if part) if all(parts) else None
-
-
 def all_exemplars(dataset: Dataset, classes: Sequence[str], target: str) -> Exemplars:
     """Return all windows of a data set whose class is one of `classes`."""
-    names = [label_of(dict(trial.labels), target) for trial in dataset.trials]
+    names = [joined_label(trial.labels, target) for trial in dataset.trials]
     number = np.array([classes.index(n) if n in classes else -1 for n in names], np.intp)
     everywhere = all("session" in trial.groups for trial in dataset.trials)
     session = dataset.group("session" if everywhere else "recording")

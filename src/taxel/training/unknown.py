@@ -20,6 +20,7 @@ from taxel.decisions.unknown import (
     summaries,
 )
 from taxel.errors import BadDataset
+from taxel.labels.joined import parts_of
 from taxel.labels.trials import coarsest_group
 from taxel.windows.dataset import Dataset
 from taxel.windows.scaling import Scaling
@@ -72,7 +73,7 @@ def fit_unknown(
     values, mask = scaling.apply(windows.values, windows.mask), windows.mask
     owner = dataset.trial[mine]
     labels = {part: np.array([trial.labels[part] for trial in dataset.trials])[owner]
-              for part in target.split("+")}  # fmt: skip
+              for part in parts_of(target, (trial.labels for trial in dataset.trials))}  # fmt: skip
     part = _parts(dataset, target, used)[owner]
     held: list[tuple[NDArray[np.intp], NDArray[np.float64]]] = []
     for number in np.unique(part):
@@ -134,7 +135,8 @@ def _parts(dataset: Dataset, target: str, used: NDArray[np.bool_]) -> NDArray[np
     """Return each trial's part, shape (trials,): whole sessions, or files where there are none."""
     key = coarsest_group([dataset.trials[i] for i in np.flatnonzero(used)])
     names = np.array([trial.groups.get(key, "") for trial in dataset.trials])
-    classes = [tuple(trial.labels[part] for part in target.split("+")) for trial in dataset.trials]
+    parts = parts_of(target, (trial.labels for trial in dataset.trials))
+    classes = [tuple(trial.labels[part] for part in parts) for trial in dataset.trials]
     first = dict(zip(names[::-1], classes[::-1], strict=True))
     ordered = sorted(set(names[used]), key=lambda name: (first[name], name))
     part = {name: number % PARTS for number, name in enumerate(ordered)}

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
 from taxel.labels.class_order import in_order
+from taxel.labels.joined import with_joined_label, with_joined_labels
 from taxel.labels.trials import TIME, Trial, group_value, trials_of
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Samples, SensorInfo
@@ -357,15 +358,6 @@ def _matches(trial: Trial, where: Mapping[str, str]) -> bool:
     return all(known.get(key) == value for key, value in where.items())
 
 
-def with_joined_label(trial: Trial, target: str) -> Trial:
-    """Return the trial with "a+b" as a label where it has both; as it is otherwise."""
-    parts = target.split("+")
-    if len(parts) < 2 or any(part not in trial.labels for part in parts):
-        return trial
-    joined = " ".join(trial.labels[part] for part in parts)
-    return replace(trial, labels={**trial.labels, target: joined})
-
-
 def only_labelled(
     dataset: Dataset, target: str, folder: Path, mend: str = f"name one of those, or {LABEL_THEM}"
 ) -> Dataset:
@@ -378,9 +370,9 @@ def only_labelled(
         mend: What helps where none has the label; unless given, another target may be named.
 
     Raises:
-        BadDataset: No trial has it.
+        BadDataset: No trial has it, or values of "a+b" that differ would be joined to one.
     """
-    trials = tuple(with_joined_label(trial, target) for trial in dataset.trials)
+    trials = with_joined_labels(dataset.trials, target, folder)
     kept = [i for i, trial in enumerate(trials) if target in trial.labels]
     whole = replace(dataset, trials=trials)
     if not kept:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from taxel.errors import BadDataset
+from taxel.labels.joined import refuse_merged
 from taxel.labels.trials import Trial
 from taxel.windows.dataset import LABEL_THEM, Dataset, load_dataset, only_labelled
 from taxel.windows.rates import differ
@@ -32,12 +33,14 @@ def join_datasets(first: Dataset, folder: Path, target: str) -> Dataset:
 
     Raises:
         BadDataset: A recording is in both, the sensors differ, or their rates where their own
-            scans are rows, no trial of the folder has the label, or there is no window.
+            scans are rows, no trial of the folder has the label, values of "a+b" that differ would
+            be joined to one, or there is no window.
     """
     second = only_labelled(
         load_dataset(folder, first.config), target, folder, f"{LABEL_THEM}; or test on others"
     )
     _check_alike(first, second, folder)
+    refuse_merged((*first.trials, *second.trials), target, folder)
     levels = None
     if first.reference is not None and second.reference is not None:
         change = to_usual(second.reference.level, first.reference.level)

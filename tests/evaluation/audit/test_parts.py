@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from sklearn.metrics import roc_auc_score
 
-from taxel.errors import BadDataset, BadTable
+from taxel.errors import BadDataset, BadSplit, BadTable
 from taxel.evaluation.audit.audit import audit
 from taxel.evaluation.audit.copies import near_copies, same_rows
 from taxel.evaluation.audit.evidence import _auc, deal_out, evidence_of, gap_p, look_up, trial_folds
@@ -190,6 +190,27 @@ def test_a_table_may_name_whole_recordings_trials_and_windows(
 
     assert (pieces.stop - pieces.first).tolist() == [40, 40, 8, 11]
     assert [part.tolist() for part in sides.folds[0]] == [[0, 1], [2, 3]]
+
+
+def test_a_trial_that_a_table_leaves_out_is_not_audited(make_set: Make, tmp_path: Path) -> None:
+    """Beside a line for the whole recording; windows of it stand as they were named."""
+    touch = make_set["array"]()
+    lines = [
+        "r00,,train",
+        "r01,,train",
+        "r02,,test",
+        "r03,0.5,test",
+        "r00,0,unused",
+        "r03,0,unused",
+    ]
+    table = _table(tmp_path, "recording,start_s,side", *lines)
+
+    _, sides = table_sides(touch, table, steps=8)
+
+    assert [part.tolist() for part in sides.folds[0]] == [[1], [2, 3]]
+    with pytest.raises(BadSplit, match="to test in test"):
+        table_sides(touch, _table(tmp_path, "recording,start_s,side", "r00,,train", "r01,,test",
+                                  "r01,0,unused"), steps=8)  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,12 @@
 """New grasps and sessions are taken for themselves, whatever others are called."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from taxel.bundles.contract import Contract
+from taxel.bundles.contract import Contract, fingerprint_of, learned_too
 from taxel.errors import BadInput
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
@@ -107,3 +108,16 @@ def test_a_test_set_is_refused_for_the_same_scans_and_for_nothing_else(tmp_path:
     check_apart([learned], record(tmp_path / "test" / "a.mcap", 1))
     with pytest.raises(BadInput, match="3 of 3"):
         check_apart([learned], record(tmp_path / "copy.mcap", 0))
+
+
+def test_only_recordings_that_gave_a_grasp_to_learn_count_as_learned(tmp_path: Path) -> None:
+    for seed in range(2):
+        record(tmp_path / f"{seed}.mcap", seed)
+    known = load_dataset(tmp_path, contract().window).fingerprints
+
+    found = read_grasps([tmp_path], contract()).first(2)
+    after = learned_too(replace(contract(), learned=("f",)), set(found.recording), b"values")
+
+    assert after.learned == tuple(sorted({"f", fingerprint_of(known["0.mcap"])}))
+    assert after.data_digest != contract().data_digest
+    assert learned_too(contract(), set(found.recording), b"values").learned == ()  # as before

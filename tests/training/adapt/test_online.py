@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from make_dataset import make_dataset
 
+from taxel.bundles.versions import class_key
 from taxel.errors import BadDataset, MissingExtra
 from taxel.evaluation.adaptation.new_class import best, run_of, windows_of
 from taxel.training.adapt.correcting import learn_corrections, run_probabilities
@@ -44,6 +45,7 @@ def grasps(own: Exemplars) -> Grasps:
         grasp=tuple(own.grasp),
         session=tuple(own.session),
         start_s=tuple(np.zeros(len(own))),
+        recording=("",) * len(own),
         digest="",
     )
 
@@ -112,6 +114,23 @@ def test_accuracy_by_class_counts_unknown_classes_as_wrong(run: Run) -> None:
 
     assert found["cone"] == 0.0
     assert found["all known before"] > found["all"]
+
+
+def test_a_class_that_is_called_like_a_total_stands_apart_from_it(run: Run) -> None:
+    own = ALL[ALL.session == "s0"]
+    names = dict(zip(CLASSES, ("all", "class all", "all known before"), strict=True))
+    label = tuple(names[CLASSES[i]] for i in own.y)
+    classes = tuple(names[name] for name in CLASSES)
+    shown = np.eye(3)[np.where(own.y == 0, 0, 1)]
+
+    found = by_class(shown, classes, label, ("all", "class all"))
+
+    assert found["class all"] == found["class class all"] == 1.0
+    assert found["class all known before"] == 0.0
+    assert found["all known before"] == 1.0
+    assert 0.0 < found["all"] < 1.0
+    assert [class_key(name) for name in ("cup", "classes", "class 1")] == ["cup", "classes",
+                                                                          "class 1"]  # fmt: skip
 
 
 def test_a_reservoir_keeps_early_and_late_windows_alike() -> None:

@@ -24,6 +24,7 @@ from taxel.bundles.avr.integers import (
 from taxel.bundles.avr.measure import equal_windows, run_on_board, without_board
 from taxel.bundles.avr.network import ImageNetwork, read_network
 from taxel.bundles.avr.quantise import Converter, quantise
+from taxel.bundles.contract import fingerprint_of
 from taxel.bundles.envelope import unpack
 from taxel.bundles.reader import Bundle, read_bundle
 from taxel.bundles.recordings import load_at_level
@@ -205,9 +206,14 @@ def _report(
         )  # fmt: skip
     names = np.array([contract.classes.index(class_) for class_ in tested.classes(contract.target)])
     truth = names[tested.class_numbers(contract.target)]
-    seen = tested.digest == contract.data_digest
-    where = "the recordings that it was trained on (nothing held out)" if seen else \
-        "recordings other than its training set"  # fmt: skip
+    own = [fingerprint_of(digest) for digest in tested.fingerprints.values()]
+    seen = sum(name in contract.learned for name in own)
+    if tested.digest == contract.data_digest or seen == len(own):
+        where = "the recordings that it was trained on (nothing held out)"
+    elif seen:
+        where = f"recordings of which it was trained on {seen} of {len(own)}"
+    else:
+        where = "recordings other than its training set"
     counts = converter.counts(tested.windows.values)
     lost = compare(bundle, integers, counts, tested.windows.values, tested.windows.mask, truth)
     missing = without_board()

@@ -130,6 +130,7 @@ class Sweep:
     ) -> tuple[list[FaultPoint], str, float]:
         from taxel.bundles.reader import read_bundle
         from taxel.decisions.recognition import RecogniseConfig
+        from taxel.evaluation.learned_recordings import recordings_trained_on
         from taxel.evaluation.robustness.array_sweep import plan_array, sweep_array
         from taxel.evaluation.robustness.conditions import (
             NewSessions,
@@ -139,6 +140,7 @@ class Sweep:
         from taxel.evaluation.robustness.sweep_jobs import sweep_recordings, sweep_simulated
         from taxel.evaluation.robustness.touches import bundle_model, read_touches
         from taxel.jobs.running import shared_out
+        from taxel.recordings.reader import list_recordings
 
         model = bundle_model(read_bundle(file))
         config = RecogniseConfig(least_confidence=self.least_confidence or 0.0)
@@ -169,7 +171,8 @@ class Sweep:
                 plan = plan_array(names, levels, channels)
                 if left := ", ".join(name for name in asked if name not in plan):
                     _note(f"{left} left out: an array of {channels} channels cannot have it.")
-                _warn_if_seen(digest, model.contract.data_digest)
+                seen = recordings_trained_on(known, list_recordings(self.data))
+                _warn_if_seen(bool(seen) or digest == known.data_digest)
                 bar.update(task, total=1 + sum(map(len, plan.values())))
                 if shared_out():
                     data = (self.data, digest)
@@ -195,7 +198,7 @@ class Sweep:
         with progress() as bar:
             task = bar.add_task("reading", total=1 + sum(map(len, plan.values())))
             pours = read_camera_recordings(self.data)
-            _warn_if_seen(pours_digest(pours), bundle.contract.data_digest)
+            _warn_if_seen(pours_digest(pours) == bundle.contract.data_digest)
             for pour in pours:
                 bundle.contract.check_cameras(pour.cameras)
             return sweep_grasps(
@@ -228,8 +231,8 @@ class Sweep:
                 say(f"curves: {self.plot}")
 
 
-def _warn_if_seen(digest: str, trained: str) -> None:
-    if digest == trained:
+def _warn_if_seen(seen: bool) -> None:
+    if seen:
         _note(
             "the bundle was trained on these recordings: the accuracies below are too high, "
             "and only their falls mean something."

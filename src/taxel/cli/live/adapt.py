@@ -215,8 +215,9 @@ class Adapt:
                 )
             bar.update(task, description="learning")
             adapted = adapt_last_layer(
-                run, grasps.windows, grasps.label, grasps.grasp, grasps.session
-            )
+                run, grasps.windows, grasps.label, grasps.grasp, grasps.session,
+                recordings=set(grasps.recording),
+            )  # fmt: skip
             bar.update(task, description="measuring")
             before, after = measured(run, adapted.run, self.test, level)
         counts = ", ".join(f"{name!r} from {grasps.count(name)} grasps" for name in names)
@@ -233,13 +234,14 @@ class Adapt:
             "stands_out": adapted.stands_out,
             "seconds": adapted.seconds,
         }
-        said = f"{change.what}: {adapted.seconds:.2f} s; " + (
+        features = (
             "each channel's statistics stand beside the network's features now"
             if adapted.statistics
             else "the network's own features are enough"
         )
+        said = [f"{change.what}: {adapted.seconds:.2f} s; {features}"]
         if run.contract.unknown is not None:
-            said += "\nthe test for unknown touch is left out: it was learned without this class"
+            said.append("the test for unknown touch is left out: it was learned without this class")
         self._say(adapted.run.contract, change, stored, detail, said)
 
     def _learn_corrections(self) -> None:
@@ -276,16 +278,14 @@ class Adapt:
             "drifts": [asdict(drift) | {"since": time}
                        for drift, time in zip(found.drifts, times, strict=True)],
         }  # fmt: skip
-        said = (
+        said = [
             f"{found.grasps} grasps that gave a window: {found.prequential:.1%} correct while "
-            "learning, "
-            f"{found.unlearned:.1%} by the run as it was"
-        )
-        for drift, time in zip(found.drifts, times, strict=True):
-            said += (
-                f"\ndrift since {time} (doubt {drift.before:.2f} → {drift.after:.2f}): touch the "
-            )
-            said += "reference object, and give that recording to --touches"
+            f"learning, {found.unlearned:.1%} by the run as it was"
+        ] + [
+            f"drift since {time} (doubt {drift.before:.2f} → {drift.after:.2f}): touch the "
+            "reference object, and give that recording to --touches"
+            for drift, time in zip(found.drifts, times, strict=True)
+        ]
         self._say(found.run.contract, change, stored, detail, said)
 
     def _check_test(self, learned: Sequence[Path]) -> None:
@@ -327,10 +327,14 @@ class Adapt:
         return Stored(version.number, version.digest != before)
 
     def _say(
-        self, contract: Contract, change: Change, stored: Stored, detail: dict[str, Any], said: str
-    ) -> None:
+        self, contract: Contract, change: Change, stored: Stored, detail: dict[str, Any],
+        lines: Sequence[str],
+    ) -> None:  # fmt: skip
+        """Print what was done, by JSON or in lines that each stand alone."""
+        from taxel.bundles.versions import class_key
+
         measured_on = str(self.test) if self.test else "the run's rehearsed grasps"
-        untested = [name for name in contract.classes if name not in change.before]
+        untested = [name for name in contract.classes if class_key(name) not in change.before]
         if self.json:
             print_json(
                 {"output": str(self.output or self.trained),
@@ -341,19 +345,18 @@ class Adapt:
             return
         from taxel.views.tables.adapt import before_after_table
 
-        say(said)
+        for line in lines:
+            say(line)
         console.print(before_after_table(change, measured_on))
         if untested:
-            names = ", ".join(untested)
-            said = f"--test holds no {names}: what was lost or won of these is not known"
-            say(said, style="yellow")
+            lost = "what was lost or won of these is not known"
+            say(f"--test holds no {', '.join(untested)}: {lost}", style="yellow")
         self._say_stored(stored)
 
     def _say_stored(self, stored: Stored) -> None:
         name, version = self.output or self.trained, stored.version
         if not stored.changed:
-            said = f"{name}: nothing changed, it is version {version} already; no version is added"
-            say(said)
+            say(f"{name}: nothing changed, it is version {version} already; no version is added")
             return
         back = (
             "" if self.output else f"; back with: {command('taxel', 'adapt', name, '--rollback')}"

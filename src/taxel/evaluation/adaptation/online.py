@@ -102,5 +102,6 @@ def _grasps(stream: Exemplars, classes: Sequence[str]) -> Grasps:
         grasp=tuple(stream.grasp),
         session=tuple(stream.session),
         start_s=tuple(np.zeros(len(stream))),
+        recording=("",) * len(stream),
         digest="",
     )

@@ -25,11 +25,12 @@ from taxel.bundles.levels import measure_level
 from taxel.evaluation.adaptation.new_class import AdaptConfig, by_session, run_of
 from taxel.evaluation.metrics import by_trial
 from taxel.evaluation.robustness.touches import recorded
+from taxel.labels.joined import joined_label
 from taxel.recordings.reader import list_recordings, read_manifest, read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import flag_values
 from taxel.sim.teng.constants import HUMIDITY_DECAY
-from taxel.training.exemplars import Exemplars, all_exemplars, label_of
+from taxel.training.exemplars import Exemplars, all_exemplars
 from taxel.training.fitting import Fitted
 from taxel.training.run import Run
 from taxel.windows.dataset import load_dataset
@@ -156,7 +157,7 @@ def grasps_to_test(run: Run, file: Path, cut: Sequence[Exemplars]) -> NDArray[np
         there = set(windows.grasp)
         used |= set([name for name in touches if name in there][: max(TOUCHES)])
     names = [
-        (trial.groups["trial"], label_of(dict(trial.labels), contract.target)) for trial in trials
+        (trial.groups["trial"], joined_label(trial.labels, contract.target)) for trial in trials
     ]
     return np.array([name for name, label in names
                      if label in contract.classes and name not in used], str)  # fmt: skip

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taxel.errors import BadSplit, BadTable
 from taxel.evaluation.audit.evidence import Fold
@@ -122,14 +123,28 @@ def table_sides(
         label_s=np.array(label, np.float64),
     )  # fmt: skip
     rows = np.array(owner, np.intp)
-    folds = tuple(
-        (np.flatnonzero(np.isin(rows, fold.train + fold.validation)),
-         np.flatnonzero(np.isin(rows, fold.test)))
-        for fold in table.folds
-    )  # fmt: skip
+    folds = []
+    for fold in table.folds:
+        used = ~_left_out(table, fold, pieces, rows)
+        sides = (fold.train + fold.validation, fold.test)
+        train, test = (np.flatnonzero(used & np.isin(rows, side)) for side in sides)
+        _refuse_empty(table.name, fold, set(rows[used].tolist()))
+        folds.append((train, test))
     if (key := table.rows[0].key) != "recording":
         claimed = tuple(dict.fromkeys((*claimed, key)))
-    return pieces, Sides(name=table.split, folds=folds, claimed=claimed)
+    return pieces, Sides(name=table.split, folds=tuple(folds), claimed=claimed)
+
+
+def _left_out(
+    table: FoldTable, fold: RowFold, pieces: Pieces, rows: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Return which pieces are trials of a whole recording that an unused row names by a moment."""
+    whole = np.array([np.isnan(table.rows[row].start_s) for row in rows])
+    left = np.zeros(len(rows), bool)
+    for at in np.flatnonzero(~whole & np.isin(rows, fold.unused)):
+        seen = (pieces.view == pieces.view[at]) | (pieces.view == "") | (pieces.view[at] == "")
+        left |= whole & seen & (pieces.trial == pieces.trial[at])
+    return left
 
 
 def folder_sides(

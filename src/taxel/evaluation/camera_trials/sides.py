@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
 from taxel.evaluation.first_share import first_share, group_numbers
-from taxel.evaluation.fold_table import FoldRow, FoldTable, read_fold_table, refuse_twice
+from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_table, refuse_twice
 from taxel.evaluation.shared_values import on_both_sides
 from taxel.evaluation.splits import TrialFold
 from taxel.labels.trials import USUAL_GROUPS
@@ -113,6 +113,7 @@ def split_by_table(
     matching = [_named(row, table, names, groups) for row in table.rows]
     sides = []
     for fold in table.folds:
+        _refuse_unused(table, fold, dict(enumerate(matching)), names)
         train, test = (
             np.array(sorted({at for row in rows for at in matching[row]}), np.intp)
             for rows in ((*fold.train, *fold.validation), fold.test)
@@ -143,10 +144,28 @@ def trials_to_score(names: Sequence[str], groups: Groups, table: FoldTable) -> l
         BadSplit: A row to test names no trial, or a trial stands on both sides.
     """
     (fold,) = table.folds
-    tested = {at for row in fold.test for at in _named(table.rows[row], table, names, groups)}
-    rows = [table.rows[row] for row in (*fold.train, *fold.validation)]
-    others = {at for row in rows for at in _matching(row.key, row.value, names, groups)}
+    named = {row: _named(table.rows[row], table, names, groups) for row in fold.test}
+    tested = {at for found in named.values() for at in found}
+    for number in (*fold.train, *fold.validation, *fold.unused):
+        row = table.rows[number]
+        named[number] = _matching(row.key, row.value, names, groups)
+    _refuse_unused(table, fold, named, names)
+    others = {at for row in (*fold.train, *fold.validation) for at in named[row]}
     return sorted(TrialFold(fold.name, frozenset(others), frozenset(tested)).test)
+
+
+def _refuse_unused(
+    table: FoldTable, fold: RowFold, named: Mapping[int, list[int]], names: Sequence[str]
+) -> None:
+    """Refuse a trial that a fold's rows put on a side and name as unused, if by another name."""
+    unused = {at for row in fold.unused for at in named[row]}
+    for number in (*fold.train, *fold.validation, *fold.test):
+        if both := sorted(unused & set(named[number])):
+            row = table.rows[number]
+            raise BadSplit(
+                "each trial on one side", f"{names[both[0]]} as {row.side} in {table.where(row)}, "
+                "and as unused in another", "leave one of these lines out",
+            )  # fmt: skip
 
 
 def _named(row: FoldRow, table: FoldTable, names: Sequence[str], groups: Groups) -> list[int]:

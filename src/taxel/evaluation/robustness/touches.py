@@ -22,6 +22,7 @@ from taxel.decisions.recognition import UNKNOWN, GraspVote, Quality, RecogniseCo
 from taxel.decisions.unknown import NoveltyTest
 from taxel.errors import BadDataset
 from taxel.evaluation.robustness.curve import SessionAnswers
+from taxel.labels.joined import joined_label
 from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import list_recordings, read_recording
@@ -275,13 +276,10 @@ def _owners(windows: Windows, trials: Sequence[Trial]) -> NDArray[np.intp]:
 
 def _label(trial: Trial, target: str) -> str:
     """Return a touch's value of the target, or of the labels that it joins by "+"."""
-    if target in trial.labels:
-        return trial.labels[target]
-    parts = target.split("+")
-    if any(part not in trial.labels for part in parts):
+    if (value := joined_label(trial.labels, target)) is None:
         raise BadDataset(
             f"the label {target!r} on every touch",
             f"{trial.groups['trial']} with {', '.join(trial.labels) or 'none'}",
             "label the recording, or choose another bundle",
         )
-    return " ".join(trial.labels[part] for part in parts)
+    return value

@@ -18,6 +18,7 @@ from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.metrics import by_trial
 from taxel.evaluation.splits import TrialFold, by_group
 from taxel.evaluation.unknown.scores import OURS, Scored, UnknownResult, join_scored, result_of
+from taxel.labels.joined import parts_of
 from taxel.labels.trials import coarsest_group
 from taxel.training.fitting import Job, Lesson, fit_model
 from taxel.training.loop import TrainConfig
@@ -54,11 +55,12 @@ def kinds_of(dataset: Dataset, target: str, never: Sequence[str]) -> NDArray[np.
         never: Values that are not learned, of any label.
     """
     found = []
+    parts = parts_of(target, (trial.labels for trial in dataset.trials))
     for trial in dataset.trials:
-        mine = [trial.labels[part] for part in target.split("+")]
+        mine = [trial.labels[part] for part in parts]
         hit = [value for value in mine if value in never]
         others = [value for key, value in trial.labels.items()
-                  if "+" not in key and value in never and value not in mine]  # fmt: skip
+                  if key != target and value in never and value not in mine]  # fmt: skip
         found.append("-" if others else "+".join(hit))
     return np.array(found)
 

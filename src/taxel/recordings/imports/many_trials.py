@@ -28,6 +28,7 @@ from taxel.recordings.imports.trial_sets import (
     Reference,
     Trial,
     TrialSet,
+    name_above,
     safe_names,
     values_beside,
 )
@@ -127,11 +128,16 @@ def trials_of(
         count = len(source.keys)
         for name, texts in values.items():
             if len(texts) not in (1, count):
-                raise BadTable(
-                    f"a value for each of {count} trials",
-                    f"{len(texts)} by {visible(named[name])} in {where}",
-                    "name another array, or correct the column 'axes'",
-                )
+                got = f"{len(texts)} by {visible(named[name])} in {where}"
+                mend = "name another array, or correct the column 'axes'"
+                ref = wanted.get(name)
+                if ref and ref.file and len(texts) + 1 == count:
+                    path = file_of(ref.file, data_dir, where, outside=outside)
+                    if (above := name_above(path, ref.name, len(texts))) is not None:
+                        line_1 = f"line 1 of the file, {above[:80]!r}"
+                        got += f", where {line_1}, is taken for the column's name"
+                        mend = f"if it is the first trial's value, write a name above it; or {mend}"
+                raise BadTable(f"a value for each of {count} trials", got, mend)
         _cut(source, values.pop("length", None), named, where)
     finally:
         source.close()
@@ -166,7 +172,8 @@ def _names_as_values(source: TrialSet, named: Mapping[str, str], where: str) -> 
         f"{where}: {visible(cell)} in the column {visible(name)} is taken as the value of all "
         f"trials; write from:{visible(cell)} for each trial's own"
         for name, cell in named.items()
-        if _may_refer(name)
+        if cell
+        and _may_refer(name)
         and not cell.lower().startswith((FROM, STAR_CELL))
         and (cell in source.names or cell.lower().endswith((*ARRAY_ENDINGS, *TEXT_ENDINGS)))
         and name != "length"

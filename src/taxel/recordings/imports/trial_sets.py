@@ -232,6 +232,20 @@ def values_beside(path: Path, name: str) -> list[str]:
         file.close()
 
 
+def name_above(path: Path, name: str, found: int) -> str | None:
+    """Return what `values_beside` took for the name above a list of values; None if nothing.
+
+    Args:
+        path: The file.
+        name: The column that was asked for; of no list where there is one.
+        found: How many values it gave.
+    """
+    if name or path.name.lower().endswith(ARRAY_ENDINGS):
+        return None
+    lines = [cells for cells in read_cells(path) if any(cell.strip() for cell in cells)]
+    return lines[0][0].strip() if len(lines) == found + 1 else None
+
+
 def _column_of(path: Path, name: str) -> list[str]:
     header, *lines = read_cells(path) or [[]]
     names = [cell.strip() for cell in header]

@@ -74,7 +74,8 @@ def learn_corrections(
         windows, label = grasps.windows[rows], grasps.label[rows[0]]
         before = still.answer(windows)
         right.append(learner.answer(windows).label == label)
-        learner.correct(windows, label, name, grasps.session[rows[0]])
+        session, recording = grasps.session[rows[0]], grasps.recording[rows[0]]
+        learner.correct(windows, label, name, session, recording)
         unlearned.append(before.label == label)
         starts.append(grasps.start_s[rows[0]])
         doubt = 1.0 - float(before.probabilities[:, classes.index(label)].mean())

@@ -14,8 +14,7 @@ Stein 1961; Efron and Morris 1973); our choices in docs/decisions/0028.
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -26,6 +25,7 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
+from taxel.bundles.contract import learned_too
 from taxel.errors import BadDataset, BadInput
 from taxel.models.catalogue import WITH_STATISTICS, count_parameters
 from taxel.models.with_statistics import WithStatistics
@@ -77,6 +77,7 @@ def adapt_last_layer(
     session: Sequence[str],
     *,
     features: FeatureKind = "auto",
+    recordings: Collection[str] = (),
 ) -> Adapted:
     """Return a run that also predicts new classes, from a few grasps of each.
 
@@ -93,6 +94,7 @@ def adapt_last_layer(
         session: Each window's session, by a name of its own; one that the exemplars hold too, or
             that has windows of old classes here, gives its own shift.
         features: What the last layer sees.
+        recordings: A fingerprint of each recording that the windows are from.
 
     Raises:
         BadInput: The run has no exemplars, or its model has no last layer.
@@ -116,13 +118,11 @@ def adapt_last_layer(
     stands_out = float(np.mean([solved.stands_out for _, solved in by_kind[kinds[-1]]]))
     chosen = kinds[-1] if len(kinds) == 1 or stands_out >= STANDS_OUT else kinds[0]
     networks = tuple(network for network, _ in by_kind[chosen])
-    digest = hashlib.sha256(run.contract.data_digest.encode() + windows.values.tobytes())
     contract = replace(
-        run.contract,
+        learned_too(run.contract, recordings, windows.values.tobytes()),
         classes=classes,
         model=run.contract.model + (WITH_STATISTICS if chosen else ""),
         parameters=sum(map(count_parameters, networks)),
-        data_digest=digest.hexdigest(),
         accuracy={},
         parity=None,
         unknown=None,

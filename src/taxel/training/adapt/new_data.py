@@ -14,13 +14,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.contract import Contract
+from taxel.bundles.contract import Contract, fingerprint_of
 from taxel.bundles.levels import TouchLevel
 from taxel.bundles.recordings import load_at_level, load_by_session
+from taxel.bundles.versions import OF_ALL, OF_KNOWN, class_key
 from taxel.errors import BadDataset, BadInput
+from taxel.labels.joined import joined_label, with_joined_labels
 from taxel.labels.trials import trials_of
 from taxel.recordings.reader import list_recordings, read_manifest, read_recording
-from taxel.training.exemplars import label_of
 from taxel.windows.windower import Windows
 
 _DIGEST_LETTERS = 12
@@ -41,6 +42,8 @@ class Grasps:
     """Each window's session, or recording; the training's only where the data are the same."""
     start_s: tuple[float, ...]
     """Each window's grasp's start on its recording's clock, seconds."""
+    recording: tuple[str, ...]
+    """The fingerprint of each window's recording, see `bundles.contract.fingerprint_of`."""
     digest: str
     """SHA-256 over the recordings' values, hexadecimal."""
 
@@ -55,6 +58,7 @@ class Grasps:
             grasp=tuple(self.grasp[i] for i in part),
             session=tuple(self.session[i] for i in part),
             start_s=tuple(self.start_s[i] for i in part),
+            recording=tuple(self.recording[i] for i in part),
             digest=self.digest,
         )
 
@@ -103,6 +107,7 @@ def read_grasps(
         grasp=tuple(name for part in parts for name in part.grasp),
         session=tuple(name for part in parts for name in part.session),
         start_s=tuple(start for part in parts for start in part.start_s),
+        recording=tuple(name for part in parts for name in part.recording),
         digest=" ".join(part.digest for part in parts),
     )
 
@@ -169,7 +174,8 @@ def _read(path: Path, contract: Contract, touches: TouchLevel | None, by_session
         dataset = load_by_session(path, contract, touches)
     else:
         dataset = load_at_level(path, contract, touches)
-    labels = [label_of(dict(trial.labels), contract.target) for trial in dataset.trials]
+    with_joined_labels(dataset.trials, contract.target, path)
+    labels = [joined_label(trial.labels, contract.target) for trial in dataset.trials]
     for trial, label in zip(dataset.trials, labels, strict=True):
         if label is None:
             raise BadDataset(
@@ -187,6 +193,7 @@ def _read(path: Path, contract: Contract, touches: TouchLevel | None, by_session
         grasp=tuple(origin + trial.groups["trial"] for trial in trials),
         session=tuple(origin + trial.groups[key] for trial in trials),
         start_s=tuple(trial.start_s for trial in trials),
+        recording=tuple(fingerprint_of(dataset.fingerprints[t.recording]) for t in trials),
         digest=dataset.digest,
     )
 
@@ -220,7 +227,10 @@ def measured_at(
 def by_class(
     found: NDArray[np.floating], classes: Sequence[str], label: Sequence[str], known: Sequence[str]
 ) -> dict[str, float]:
-    """Return class → share of its windows predicted correctly, 0…1, all, and all known before.
+    """Return what is measured → share of its windows predicted correctly, 0…1.
+
+    All windows come first, under `OF_ALL`, and those of all classes known before where there are
+    others too, under `OF_KNOWN`; then each class under its `class_key`.
 
     Args:
         found: Probabilities, shape (n, classes).
@@ -230,8 +240,10 @@ def by_class(
     """
     names = np.array(label)
     right = np.array(classes)[found.argmax(axis=1)] == names
-    shares = {"all": float(right.mean())}
+    shares = {OF_ALL: float(right.mean())}
     old = np.isin(names, known)
     if old.any() and not old.all():
-        shares["all known before"] = float(right[old].mean())
-    return shares | {name: float(right[names == name].mean()) for name in sorted(set(label))}
+        shares[OF_KNOWN] = float(right[old].mean())
+    return shares | {
+        class_key(name): float(right[names == name].mean()) for name in sorted(set(label))
+    }

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import nn
 
+from taxel.bundles.contract import learned_too
 from taxel.decisions.recognition import GraspVote, Quality, RecogniseConfig, decide
 from taxel.errors import BadDataset
 from taxel.models.catalogue import count_parameters
@@ -89,6 +90,7 @@ class OnlineLearner:
 
     def __init__(self, run: Run, config: OnlineConfig | None = None) -> None:
         self._run = run
+        self._contract = run.contract
         self._config = config or OnlineConfig()
         self._rng = np.random.default_rng(self._config.seed)
         self._data = exemplars_of(run)
@@ -117,7 +119,9 @@ class OnlineLearner:
             )
         return GraspAnswer(label, confidence, probabilities)
 
-    def correct(self, windows: Windows, label: str, grasp: str, session: str) -> None:
+    def correct(
+        self, windows: Windows, label: str, grasp: str, session: str, recording: str = ""
+    ) -> None:
         """Learn the right answer of one grasp.
 
         Args:
@@ -125,6 +129,7 @@ class OnlineLearner:
             label: The right class.
             grasp: A name of the grasp's own.
             session: Its session.
+            recording: The fingerprint of its recording; empty where there is none.
 
         Raises:
             BadDataset: The run has no such class.
@@ -135,6 +140,8 @@ class OnlineLearner:
                 f"one of the classes {', '.join(classes)}", repr(label),
                 "learn a new class first with: taxel adapt RUN --new RECORDINGS",
             )  # fmt: skip
+        recordings = {recording} - {""}
+        self._contract = learned_too(self._contract, recordings, windows.values.tobytes())
         number = classes.index(label)
         scaled = self._run.contract.scaling.apply(windows.values, windows.mask)
         y = np.full(len(windows), number, np.intp)
@@ -161,7 +168,7 @@ class OnlineLearner:
         """Return the run as it is now; its accuracies are left out: they were measured before."""
         networks = tuple(layer.network() for layer in self._learners)
         contract = replace(
-            self._run.contract, accuracy={}, parity=None,
+            self._contract, accuracy={}, parity=None,
             parameters=sum(map(count_parameters, networks)),
         )  # fmt: skip
         return replace(

@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
+from taxel.labels.joined import with_joined_label
 from taxel.labels.trials import Trial
 from taxel.models.touch_features import compute_features, pads_of
 from taxel.sim.teng.constants import SENSORS
 from taxel.windows.config import GATE_V, WindowConfig
-from taxel.windows.dataset import Dataset, load_dataset, with_joined_label
+from taxel.windows.dataset import Dataset, load_dataset
 from taxel.windows.joining import TEST_PREFIX, join_datasets
 from taxel.windows.rates import PAUSE_ROWS, with_common_grid
 

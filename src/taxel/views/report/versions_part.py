@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from taxel.bundles.versions import Change, History, Version
+from taxel.bundles.versions import OF_ALL, Change, History, Version
 from taxel.views.report.page import Html, join, percent, split_name, table, tag
 
 
@@ -39,7 +39,7 @@ def versions_part(adapted: Adapted) -> Html:
                 [join([split_name(split), f": {percent(value)}"])
                  for split, value in adapted.accuracy.get(version.number, {}).items()], "; ",
             ) or "–",
-            _points(version.change, "all") or "–",
+            _points(version.change, OF_ALL) or "–",
             join([Html('<span class="said">'), _said(version.change), Html("</span>")]),
         ]
         for version in history.versions
@@ -64,7 +64,7 @@ def versions_part(adapted: Adapted) -> Html:
 
 
 def _said(change: Change) -> str:
-    each = [f"{name} {_points(change, name)}" for name in change.after if name != "all"]
+    each = [f"{name} {_points(change, name)}" for name in change.after if name != OF_ALL]
     data = f", from {', '.join(change.data)}" if change.data else ""
     return f"{change.what}{data}" + (f": {'; '.join(each)}" if each else "")
 

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from taxel.bundles.contract import Contract
 from taxel.bundles.levels import TouchLevel
-from taxel.bundles.versions import Change, History, kept_path
+from taxel.bundles.versions import OF_ALL, Change, History, kept_path
 from taxel.plain_text import visible, visible_line
 
 
@@ -60,7 +60,7 @@ def history_table(path: Path, history: History) -> Table:
         used = version.number == history.current
         kept = kept_path(path, version.number)
         place = path.name if used else (kept.name if kept.exists() else "gone")
-        both = version.change.before.get("all"), version.change.after.get("all")
+        both = version.change.before.get(OF_ALL), version.change.after.get(OF_ALL)
         measured = f"{both[0]:.1%} → {both[1]:.1%}" if None not in both else "–"
         source = (
             f"version {numbers[version.parent]}"
