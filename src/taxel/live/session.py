@@ -16,6 +16,7 @@ import numpy as np
 from taxel.actions.rule_table import RuleTable
 from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote
 from taxel.decisions.still_channels import StillChannel
+from taxel.labels.joined import joined_label
 from taxel.live.outages import Outage, OutageWatch
 from taxel.live.rate_watch import RateChange
 from taxel.live.recogniser import Answer, Recogniser
@@ -131,8 +132,8 @@ class Tally:
             self._count(mark)
 
     def _count(self, mark: Mark) -> None:
-        parts = self.target.split("+")
-        if any(part not in mark.labels for part in parts):
+        truth = joined_label(mark.labels, self.target)
+        if truth is None:
             return
         inside = [
             window
@@ -143,7 +144,6 @@ class Tally:
         if not inside:
             self.grasps_without += 1
             return
-        truth = " ".join(mark.labels[part] for part in parts)
         if truth not in self.vote.classes:
             truth = UNKNOWN
         self.marked += len(inside)
