@@ -75,3 +75,8 @@ def test_of_a_new_grasp_nothing_is_said_yet() -> None:
 
     assert adviser.given.advice is Advice.NOTHING
     assert adviser.push(Advice.HOLD, 1.1).advice is Advice.HOLD
+
+
+def test_nothing_is_said_from_the_beginning_on() -> None:
+    given = Adviser().given
+    assert (given.advice, given.since_s) == (Advice.NOTHING, 0.0)

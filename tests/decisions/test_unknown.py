@@ -83,6 +83,12 @@ def test_a_window_of_one_row_has_no_change():
     np.testing.assert_allclose(np.exp(found[1:]), 1e-6)
 
 
+def test_a_window_shorter_than_the_lag_has_no_change():
+    rows = np.array([[3.0, 4.0], [5.0, 4.5]])
+    found = Summary(plain(2, lag=4), 2, np.float64).of(rows).reshape(3, 2)
+    np.testing.assert_allclose(np.exp(found[2]), 1e-6)
+
+
 def test_a_channel_that_stands_still_far_away_gives_no_nan():
     """Its variance is a small difference of large numbers: below 0 for one in two."""
     for value in np.random.default_rng(0).uniform(10.0, 1000.0, 50):
