@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from taxel.fleet.presence import SILENT_S
 from taxel.fleet.reports import (
     LARGEST,
     Identity,
@@ -13,7 +14,7 @@ from taxel.fleet.reports import (
     read_report,
 )
 from taxel.fleet.table import fleet_line, fleet_table
-from taxel.fleet.watch import MOST_STATIONS, SILENT_S, FleetState, row_values
+from taxel.fleet.watch import MOST_STATIONS, FleetState, row_values
 from taxel.views.console import PlainConsole
 
 STATE = {

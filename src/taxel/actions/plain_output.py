@@ -33,9 +33,11 @@ may answer, to the address that the datagrams come from, one JSON object a datag
         my own program grips with this force: raises begin here. Not once stopped, not with
         less while the grasp is in doubt, and not where taxel drives a gripper itself
 
-UDP does not encrypt, and knows who answers by address alone: keep it on this machine or on a
-line of its own. Nothing here waits: a full buffer drops the datagram and counts it, and so is
-an order that has expired before it could be sent. Knows nothing about grippers or models.
+Answers count from the very address and port that the datagrams go to; what others send, the
+system refuses. UDP does not encrypt, and knows who answers by address alone: keep it on this
+machine or on a line of its own. Nothing here waits: a full buffer drops the datagram and counts
+it, and so is an order that has expired before it could be sent. Knows nothing about grippers or
+models.
 
 Background of our choices: docs/decisions/0016.
 """
@@ -45,13 +47,13 @@ from __future__ import annotations
 import ipaddress
 import json
 import math
-import socket
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from taxel.actions.answer_output import Recognised, recognised_of
 from taxel.actions.interlock import Order, OrderKind
+from taxel.actions.udp_line import UdpLine
 from taxel.clock import Clock, SystemClock
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadInput
@@ -243,16 +245,13 @@ class UdpOutput(_Output):
                 host,
                 "allow other hosts explicitly (allow_other_hosts=1)",
             )
-        self._to = (str(address), port)
-        family = socket.AF_INET6 if address.version == 6 else socket.AF_INET
-        self._socket = socket.socket(family, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
+        self._line = UdpLine(address, port)
         self.sent = 0
         """Datagrams handed to the system."""
         self.dropped = 0
         """Datagrams that the system did not take, or whose order had expired."""
         self.refused = 0
-        """Answers that said nothing known, or came from elsewhere."""
+        """Answers that said nothing known."""
 
     def send(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
         """Send what is decided and ordered now; never waits, never raises for the network."""
@@ -268,26 +267,17 @@ class UdpOutput(_Output):
         self._send(recognised_of(answer, number, now_s).as_json())
 
     def _send(self, content: bytes) -> None:
-        try:
-            self._socket.sendto(content, self._to)
+        if self._line.send(content):
             self.sent += 1
-        except OSError:
+        else:
             self.dropped += 1
 
     def heard(self) -> list[Word]:
         """Return what the receiver has answered since the last call; never waits or raises."""
-        found: list[Word] = []
-        for _ in range(_ANSWERS):
-            try:
-                answer, sender = self._socket.recvfrom(_LONGEST + 1)
-            except OSError:  # nothing there, nobody there, or closed
-                break
-            word = read_word(answer) if sender[:2] == self._to else None
-            if word is None:
-                self.refused += 1
-            else:
-                found.append(word)
-        return found
+        words = [read_word(answer) for answer in self._line.take(_LONGEST + 1, _ANSWERS)]
+        known = [word for word in words if word is not None]
+        self.refused += len(words) - len(known)
+        return known
 
     @property
     def lost(self) -> int:
@@ -296,7 +286,7 @@ class UdpOutput(_Output):
 
     def close(self) -> None:
         """Close the socket."""
-        self._socket.close()
+        self._line.close()
 
     def __enter__(self) -> UdpOutput:
         return self

@@ -125,10 +125,15 @@ def is_this_machine(host: str) -> bool:
         return False
 
 
+def is_station_name(text: str) -> bool:
+    """Return whether a text may be a station's name."""
+    return _NAME.fullmatch(text) is not None
+
+
 def own_name() -> str:
     """Return this machine's name, as a station's."""
     name = re.sub(r"[^A-Za-z0-9_-]", "-", socket.gethostname().partition(".")[0])[:64]
-    return name if _NAME.fullmatch(name) else "station"
+    return name if is_station_name(name) else "station"
 
 
 def _split(
@@ -141,7 +146,7 @@ def _split(
     place, _, query = rest.partition("?")
     where, _, station = place.partition("/")
     options = read_options(query)
-    if station and not _NAME.fullmatch(station):
+    if station and not is_station_name(station):
         raise BadInput("a station's name of letters, digits, - and _, 64 at most", repr(station),
                        "choose another")  # fmt: skip
     host, number = _host_port(where, port)

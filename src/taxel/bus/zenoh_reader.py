@@ -87,7 +87,7 @@ class BusReader:
             attached = sample.attachment
             head = Head.unpack(attached.to_bytes() if attached is not None else b"")
             value = decode(str(sample.encoding), sample.payload.to_bytes())
-        except ValueError:
+        except (ValueError, RecursionError):
             self.bad += 1
             return
         with self._came:

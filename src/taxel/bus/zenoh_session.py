@@ -1,8 +1,9 @@
 """A Zenoh session as taxel opens it: explicit endpoints, nothing found by itself, nothing shared.
 
 Multicast, gossip, shared memory and the admin space are off, whatever a configuration file says:
-a station is found where it is named, and a process that is killed leaves no segment behind. Knows
-nothing about touch.
+a station is found where it is named, and a process that is killed leaves no segment behind. A
+station lets nobody publish through its port: who listens to it hears it alone. Knows nothing
+about touch.
 
 Background of our choices: docs/decisions/0052.
 """
@@ -23,6 +24,10 @@ _OFF = {
     "transport/shared_memory/enabled": False,
     "adminspace/enabled": False,
 }
+_ACCESS = "access_control"
+_READ_ONLY = "taxel: subscribers only listen"
+_DENIED = ("put", "delete", "reply", "declare_queryable")
+"""What nobody may send into a station: it would pass it on to the others as its own."""
 _DROP = "transport/link/tx/queue/congestion_control/drop"
 _WAIT_US, _WAIT_FRAGMENTS_US = 5_000, 20_000
 """How long a message, and all parts of a large one, wait for room before they are dropped,
@@ -71,6 +76,8 @@ def open_session(address: ZenohAddress, *, listen: bool) -> Any:
     elif address.config is not None:
         settings |= _only_named(zenoh, address.config)
     config = _read(zenoh, address.config)
+    if listen:
+        settings[_ACCESS] = _read_only(json.loads(config.get_json(_ACCESS)))
     for name, value in settings.items():
         config.insert_json5(name, json.dumps(value))
     try:
@@ -80,6 +87,27 @@ def open_session(address: ZenohAddress, *, listen: bool) -> Any:
             "a Zenoh address that can be used", _short(error),
             "choose a free port, or start what listens there",
         ) from error  # fmt: skip
+
+
+def _read_only(given: dict[str, Any]) -> dict[str, Any]:
+    """Return access rules by which nobody publishes through a station; a file's own stay in force.
+
+    Args:
+        given: The file's, or Zenoh's own.
+    """
+    enabled = bool(given.get("enabled"))
+    added: dict[str, dict[str, Any]] = {
+        "rules": {"id": _READ_ONLY, "permission": "deny", "flows": ["ingress"],
+                  "messages": _DENIED, "key_exprs": ["**"]},
+        "subjects": {"id": _READ_ONLY},
+        "policies": {"rules": [_READ_ONLY], "subjects": [_READ_ONLY]},
+    }  # fmt: skip
+    found: dict[str, Any] = {
+        "enabled": True, "default_permission": given["default_permission"] if enabled else "allow",
+    }  # fmt: skip
+    for part, entry in added.items():
+        found[part] = [*((given.get(part) or []) if enabled else []), entry]
+    return found
 
 
 def _read(zenoh: Any, path: Path | None) -> Any:

@@ -30,6 +30,7 @@ _MOST = 16
 _LONGEST = 300
 """Characters of a text in a report."""
 _LARGE = 1e15
+_LEVELS = ("warning", "danger")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,8 +194,11 @@ def topic_of(station: str, what: str) -> str:
 def _alarm(value: object) -> Alarm:
     given = Fields(value, "an alarm")
     given.only(Alarm.__dataclass_fields__)
+    level = given.text("level")
+    if level not in _LEVELS:
+        raise ValueError(f"needed a level of {' or '.join(_LEVELS)}")
     return Alarm(
-        kind=_text(given, "kind"), text=_text(given, "text"), level=_text(given, "level"),
+        kind=_text(given, "kind"), text=_text(given, "text"), level=level,
         age_s=given.number("age_s", 0.0, _LARGE), acknowledged=given.flag("acknowledged"),
     )  # fmt: skip
 

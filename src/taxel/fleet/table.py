@@ -62,7 +62,14 @@ def fleet_line(snapshot: dict[str, Any]) -> str:
     each = ", ".join(f"{count} {presence}" for presence, count in counts.items())
     away = "" if broker["connected"] else f"; no broker: {visible_line(broker['why'], 200)}"
     many = f"{len(stations)} station{'' if len(stations) == 1 else 's'}"
-    return f"{many}{': ' + each if each else ''}{away}"
+    return f"{many}{': ' + each if each else ''}{away}{_left_out(snapshot)}"
+
+
+def _left_out(snapshot: dict[str, Any]) -> str:
+    """Return what of the messages is not in the table; empty where all are."""
+    beyond, refused = snapshot.get("beyond", 0), snapshot.get("refused", 0)
+    full = "; TABLE FULL: further stations are not shown" if beyond else ""
+    return full + (f"; messages refused: {refused:,}" if refused else "")
 
 
 def show_fleet(

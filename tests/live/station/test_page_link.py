@@ -127,10 +127,25 @@ def test_a_recording_that_cannot_begin_is_reported_in_the_recorders_words(
     make: Any, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
 ):
     rig = make((HAND, ()))
-    answered_after(
-        rig, clock, monkeypatch, {"recording": {"on": False, "error": "the disk is full"}}
-    )
+    full = {"recording": {"on": False, "error": "the disk is full"}}
+    answered_after(rig, clock, monkeypatch, OFF, full)
     assert rig.view.record(True, {}) == "the disk is full"
+    assert clock.now_s() < 0.1
+    answered_after(rig, clock, monkeypatch, full, full, ON)
+    assert rig.view.record(True, {}) == ""  # there is room again: an old error is no answer
+    answered_after(rig, clock, monkeypatch, *[full] * 500)
+    assert rig.view.record(True, {}) == "the disk is full"
+
+
+def test_a_second_recording_is_refused_with_the_name_of_the_first(
+    make: Any, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
+):
+    """Before, a second page's labels were thrown away, and it was answered as if they stood."""
+    rig = make((HAND, ()))
+    first = {"recording": {"on": True, "path": "recordings/a.mcap", "error": ""}}
+    answered_after(rig, clock, monkeypatch, first)
+    assert rig.view.record(True, {"object": "b"}) == "recording already: recordings/a.mcap"
+    assert rig.asked() == []
 
 
 def test_a_recording_is_ended_although_an_old_error_is_reported(

@@ -47,8 +47,11 @@ async function look() {
     }
     const fleet = await answer.json();
     rows.replaceChildren(...fleet.stations.map(row));
-    const count = `${fleet.stations.length} stations, broker ${fleet.broker.address}`;
-    showState(fleet.broker.connected ? count : `${count}: ${fleet.broker.why}`, !fleet.broker.connected);
+    const parts = [`${fleet.stations.length} stations, broker ${fleet.broker.address}`];
+    if (!fleet.broker.connected) parts.push(fleet.broker.why);
+    if (fleet.beyond) parts.push("TABLE FULL: further stations are not shown");
+    if (fleet.refused) parts.push(`messages refused: ${fleet.refused}`);
+    showState(parts.join("; "), !fleet.broker.connected || fleet.beyond > 0);
   } catch {
     showState("taxel fleet does not answer: what is shown is old", true);
   }

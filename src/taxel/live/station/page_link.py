@@ -185,22 +185,27 @@ class StationView:
 
     def record(self, on: bool, labels: dict[str, str]) -> str:
         """Start or stop recording; wait until it is so, or why not."""
+        old: str | None = None  # the error that stood there before; None until it is asked
         with RingReader(self._config.status) as status:
-            if on:
-                self._ask({"do": "record", "labels": labels})
-            else:
+            if not on:
                 self._ask({"do": "end"})
             until_s = monotonic() + _ANSWER_S
             while monotonic() < until_s:
                 content = status.newest()
                 note = unpack(content) if content is not None else {}
                 found = note.get("recording", {}) if isinstance(note, dict) else {}
-                if found and bool(found.get("on")) == on:
+                error = str(found.get("error") or "")
+                if found and on and old is None:
+                    if found.get("on"):
+                        return f"recording already: {found.get('path')}"
+                    self._ask({"do": "record", "labels": labels})
+                    old = error
+                elif found and bool(found.get("on")) == on:
                     return ""
-                if on and found.get("error"):
-                    return str(found["error"])
+                elif on and error != old and error:
+                    return error
                 sleep(0.02)
-        return "the recorder does not answer"
+        return old or "the recorder does not answer"
 
     def react(self, what: str) -> str:
         """Report to the supervisor what a person did, or what came of the grasp."""

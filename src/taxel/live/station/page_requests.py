@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from taxel.live.station.packets import Packet
+from taxel.live.station.recording import beside
 from taxel.live.station.wiring import StationConfig
 
 
@@ -57,7 +58,7 @@ def fulfil(station: Askable, request: Packet) -> None:
         config = station.config
         groups = {name: typed.pop(name, value) for name, value in config.groups.items()}
         stamp = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-        path = config.recordings / f"{stamp}.mcap"
+        path = beside(config.recordings / f"{stamp}.mcap")  # two may begin within a second
         station.record(path, {**config.labels, **typed}, groups)
     elif request["do"] == "end":
         station.end_recording()
