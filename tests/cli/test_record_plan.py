@@ -11,9 +11,10 @@ import pytest
 import tyro
 
 from taxel.actions import guided_trials
-from taxel.actions.guided_trials import NotSettled, record_trial
+from taxel.actions.guided_trials import NotHeld, NotSettled, record_trial
 from taxel.cli.recordings import record_plan
 from taxel.cli.recordings.record import Record
+from taxel.clock import ManualClock
 from taxel.errors import BadInput
 from taxel.frame_codec import encode_jpeg
 from taxel.recordings.manifest import NO_ARRAY
@@ -211,6 +212,7 @@ def test_the_gripper_is_set_to_each_trials_force(
     plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """On the simulated gripper; a force that it does not have is refused, nothing kept."""
+    monkeypatch.setattr(record_plan, "SystemClock", ManualClock)
     forces: list[float] = []
     real: Callable[..., float] = guided_trials.set_grip
 
@@ -231,6 +233,17 @@ def test_the_gripper_is_set_to_each_trials_force(
                "sim://gripper?max_force_n=40&closing_s=0.05")  # fmt: skip
 
     assert forces == [15.0, 50.0, 15.0]
+
+
+def test_a_gripper_that_closes_on_nothing_records_nothing(
+    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(record_plan, "SystemClock", ManualClock)
+    with pytest.raises(NotHeld, match="got a gripper that closed on nothing"):
+        record(plan, tmp_path / "pours", "sim://cup-pour?speed=max", "--gripper",
+               "sim://gripper?width_mm=0")  # fmt: skip
+
+    assert list(tmp_path.rglob("*.mcap")) == []
 
 
 @pytest.mark.parametrize(

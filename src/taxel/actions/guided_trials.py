@@ -11,6 +11,7 @@ are our choice, docs/decisions/0043.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from taxel.actions.actuators import GripperActuator
-from taxel.actions.gripper import Motion
+from taxel.actions.gripper import Gripper, GripperStatus, Motion
 from taxel.clock import Clock
 from taxel.errors import BadInput, BadSource
 from taxel.frame_codec import decode_jpeg
@@ -37,10 +38,17 @@ _LEAST_SHARE = 0.95
 """A source that ends before this share of a trial has not recorded it. Our choice."""
 _GRIP_S = 5.0
 """How long a gripper may take to hold, seconds. Our choice."""
+_GRIP_SETTLE_S = 0.5
+"""How long a gripper's state must last before it counts, seconds: fingers begin to move and their
+force comes a while after an order. Our choice; decision 16's fingers take 0.4 s from 15 to 50 N."""
 
 
 class NotSettled(BadInput):
     """The images of a grasp go on changing."""
+
+
+class NotHeld(BadInput):
+    """The gripper has closed on nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -248,7 +256,8 @@ def set_grip(gripper: GripperActuator, trial: PlannedTrial, clock: Clock) -> flo
         clock: Waited on.
 
     Raises:
-        BadInput: The plan names no force, or the gripper cannot hold.
+        NotHeld: It closed on nothing, or lost what it held.
+        BadInput: The plan names no force, or the gripper does not answer or cannot hold.
     """
     text = trial.groups.get("force_n", "")
     try:
@@ -263,15 +272,48 @@ def set_grip(gripper: GripperActuator, trial: PlannedTrial, clock: Clock) -> flo
             f"a force of {gripper.force.least_n:g} to {gripper.force.max_n:g} N",
             f"{force_n:g} N in the plan", "mend the plan, or the gripper's address",
         )  # fmt: skip
-    until_s = clock.now_s() + _GRIP_S
-    gripper.gripper.grip(gripper.force.pct(force_n), until_s)
-    while clock.now_s() < until_s:
+    pct = gripper.force.pct(force_n)
+    status = _grip(gripper.gripper, pct, clock)
+    if status is None:
         status = gripper.gripper.status()
-        if status.ok and status.motion in (Motion.CAUGHT, Motion.REACHED):
-            return force_n
+        got = status.motion.value
+        if not _same(status.force_pct, pct):
+            got = f"a force set to {gripper.force.newtons(status.force_pct):g} N"
+        raise BadInput(
+            f"a gripper that holds with {force_n:g} N within {_GRIP_S:g} s", status.fault or got,
+            "look at the gripper and its cable, then run the same command again",
+        )  # fmt: skip
+    if status.motion is not Motion.CAUGHT:
+        got = "dropped it" if status.motion is Motion.DROPPED else "closed on nothing"
+        raise NotHeld(
+            "an object between the gripper's fingers", f"a gripper that {got}",
+            "open the gripper, put the object between its fingers and grasp again",
+        )  # fmt: skip
+    return force_n
+
+
+def _grip(gripper: Gripper, pct: float, clock: Clock) -> GripperStatus | None:
+    """Close with a force; return the status that has lasted, None where none did in time.
+
+    Only what was read after the order counts, and only where the gripper has taken the force.
+    """
+    asked_s = clock.now_s()
+    since_s, motion = math.inf, Motion.MOVING
+    gripper.grip(pct, asked_s + _GRIP_S)
+    while clock.now_s() < asked_s + _GRIP_S:
+        status = gripper.status()
+        fresh = status.ok and status.read_s > asked_s
+        if not (fresh and _same(status.force_pct, pct)) or status.motion is Motion.MOVING:
+            since_s = math.inf
+        elif since_s == math.inf or status.motion is not motion:
+            since_s, motion = status.read_s, status.motion
+        elif status.read_s - since_s >= _GRIP_SETTLE_S:
+            return status
         clock.sleep(0.02)
-    status = gripper.gripper.status()
-    raise BadInput(
-        f"a gripper that holds within {_GRIP_S:g} s", status.fault or status.motion.value,
-        "look at the gripper",
-    )  # fmt: skip
+    return None
+
+
+def _same(set_pct: float, asked_pct: float) -> bool:
+    """True where a set force is what was asked; some grippers take whole percent only."""
+    whole = math.floor(asked_pct + 1e-9)
+    return any(abs(set_pct - pct) < 1e-6 for pct in (asked_pct, whole))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.cli.recordings.plan_page import Shower, open_shower
 from taxel.cli.recordings.recording import record_source
+from taxel.clock import SystemClock
 from taxel.errors import BadInput
 from taxel.recordings.trial_plan import PlannedTrial, balance_line, done_of, read_plan
 from taxel.sources.contract import Source
@@ -110,6 +111,7 @@ class _Session:
         self._options, self._stack, self._keys = options, stack, keys
         self._stopped, self._shower = stopped, shower
         self._show_line, self._board = shower.line, shower.board
+        self._clock = SystemClock()
         self._gripper = self._open_gripper()
         self._source: Source | None = None
         if options.tare:
@@ -146,15 +148,14 @@ class _Session:
         return made
 
     def _one(self, trial: PlannedTrial) -> RecordedTrial | None:
-        """Record a trial; where a person is there, an unsettled grasp is made again."""
-        from taxel.actions.guided_trials import NotSettled, record_trial, set_grip
-        from taxel.clock import SystemClock
+        """Record a trial; where a person is there, a grasp not held or not still is repeated."""
+        from taxel.actions.guided_trials import NotHeld, NotSettled, record_trial, set_grip
 
         while not self._stopped():
-            if self._gripper is not None:
-                force_n = set_grip(self._gripper, trial, SystemClock())
-                self._show_line(f"gripper holds with {force_n:g} N")
             try:
+                if self._gripper is not None:
+                    force_n = set_grip(self._gripper, trial, self._clock)
+                    self._show_line(f"gripper holds with {force_n:g} N")
                 with ExitStack() as own:
                     source: Source = HandedOn(self._cameras_for(trial, own), see=self._board.see)
                     path = self._options.output / trial.file_name
@@ -166,7 +167,7 @@ class _Session:
                         self._shower.phase,
                         self._stopped,
                     )
-            except NotSettled as error:
+            except (NotHeld, NotSettled) as error:
                 if self._keys is None:
                     raise
                 self._show_line(str(error))
@@ -193,7 +194,7 @@ class _Session:
         from taxel.actions.actuators import GripperActuator
         from taxel.actions.opening import open_actuator
 
-        gripper = open_actuator(self._options.gripper)
+        gripper = open_actuator(self._options.gripper, self._clock)
         if not isinstance(gripper, GripperActuator):
             raise BadInput(
                 "a gripper's address, such as pge:///dev/ttyUSB0?max_force_n=50",
@@ -226,10 +227,7 @@ class _Session:
         self._board.show(word, why, waits=True, **shown)
         if self._keys is None:
             return ""
-        from taxel.clock import SystemClock
-
         self._show_line(_KEYS)
-        clock = SystemClock()
         while not self._stopped():
             typed = self._keys.typed()
             found = next((key for key in typed if key in "\r\nrdq"), None)
@@ -237,7 +235,7 @@ class _Session:
             if found is not None or step is not None:
                 self._board.show("HOLD STILL", "until the grasp has settled")
                 return step if step is not None else str(found).strip()
-            clock.sleep(0.05)
+            self._clock.sleep(0.05)
         return "q"
 
 
