@@ -163,10 +163,10 @@ def test_the_papers_plan_is_its_sixty_videos():
 
 
 class Typed:
-    """Keys that were typed beforehand, one a question."""
+    """Keys typed at the questions, one a question, and what was typed before each of them."""
 
-    def __init__(self, keys: str) -> None:
-        self._keys = list(keys)
+    def __init__(self, keys: str, early: str = "") -> None:
+        self._keys, self._early = list(keys), early
 
     def __enter__(self) -> Self:
         return self
@@ -174,8 +174,13 @@ class Typed:
     def __exit__(self, *_: object) -> None:
         """Nothing to give back."""
 
+    def forget(self) -> bool:
+        early, self._early = self._early, ""
+        return "q" in early
+
     def typed(self) -> str:
-        return self._keys.pop(0) if self._keys else "q"
+        early, self._early = self._early, ""
+        return early or (self._keys.pop(0) if self._keys else "q")
 
 
 @pytest.mark.parametrize(
@@ -191,6 +196,16 @@ def test_a_key_repeats_or_discards_the_last_trial_or_ends(
     keys: str, recorded: list[int], times: list[int], plan: Path, tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ):  # fmt: skip
+    made = asked(Typed(keys), monkeypatch)
+    record(plan, tmp_path / "pours", "camera:///dev/a,/dev/b")
+
+    assert made == times
+    files = sorted(path.name for path in (tmp_path / "pours").glob("*.mcap"))
+    assert files == [f"trial-00{number}.mcap" for number in recorded]
+
+
+def asked(keys: Typed, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Let a person answer with keys; return the numbers of the trials that are then made."""
     made: list[int] = []
 
     def quick(source: Gels, trial: PlannedTrial, path: Path, *rest: object) -> object:
@@ -199,13 +214,20 @@ def test_a_key_repeats_or_discards_the_last_trial_or_ends(
 
     monkeypatch.setattr(guided_trials, "record_trial", quick)
     monkeypatch.setattr(record_plan, "open_source", lambda _: Gels())
-    monkeypatch.setattr(record_plan, "Keys", lambda: Typed(keys))
+    monkeypatch.setattr(record_plan, "Keys", lambda: keys)
+    monkeypatch.setattr(record_plan, "SystemClock", ManualClock)
     monkeypatch.setattr(type(record_plan.console), "is_terminal", property(lambda _: True))
+    return made
+
+
+@pytest.mark.parametrize("early", ["\n", "\n\n", "d", "r", "\nq", "q"])
+def test_a_key_typed_before_the_question_starts_nothing(
+    early: str, plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    made = asked(Typed("q", early), monkeypatch)
     record(plan, tmp_path / "pours", "camera:///dev/a,/dev/b")
 
-    assert made == times
-    files = sorted(path.name for path in (tmp_path / "pours").glob("*.mcap"))
-    assert files == [f"trial-00{number}.mcap" for number in recorded]
+    assert made == []
 
 
 def test_the_gripper_is_set_to_each_trials_force(

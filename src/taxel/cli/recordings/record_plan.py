@@ -228,6 +228,8 @@ class _Session:
         if self._keys is None:
             return ""
         self._show_line(_KEYS)
+        if self._keys.forget():
+            return "q"
         while not self._stopped():
             typed = self._keys.typed()
             found = next((key for key in typed if key in "\r\nrdq"), None)
