@@ -190,6 +190,9 @@ class Typed:
         ("\nr\n\n", [1, 2], [1, 1, 2]),
         ("\nd\n", [2], [1, 2]),
         ("\nq", [1], [1]),
+        ("drq", [], []),
+        ("\nddq", [], [1]),
+        ("\nrrq", [], [1]),
     ],
 )
 def test_a_key_repeats_or_discards_the_last_trial_or_ends(
@@ -204,7 +207,19 @@ def test_a_key_repeats_or_discards_the_last_trial_or_ends(
     assert files == [f"trial-00{number}.mcap" for number in recorded]
 
 
-def asked(keys: Typed, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+@pytest.mark.parametrize(("keys", "times"), [("\ndrq", [1]), ("\nd\nq", [1, 1])])
+def test_where_a_grasp_is_made_again_nothing_is_discarded(
+    keys: str, times: list[int], plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):  # fmt: skip
+    made = asked(Typed(keys), monkeypatch, still_after_s=99.0)
+    record(plan, tmp_path / "pours", "camera:///dev/a,/dev/b")
+
+    assert made == times
+    assert "no last trial to discard now; Enter: ready" in capsys.readouterr().err
+
+
+def asked(keys: Typed, monkeypatch: pytest.MonkeyPatch, still_after_s: float = 0.0) -> list[int]:
     """Let a person answer with keys; return the numbers of the trials that are then made."""
     made: list[int] = []
 
@@ -213,7 +228,7 @@ def asked(keys: Typed, monkeypatch: pytest.MonkeyPatch) -> list[int]:
         return record_trial(source, trial, path, 1.0)
 
     monkeypatch.setattr(guided_trials, "record_trial", quick)
-    monkeypatch.setattr(record_plan, "open_source", lambda _: Gels())
+    monkeypatch.setattr(record_plan, "open_source", lambda _: Gels(still_after_s))
     monkeypatch.setattr(record_plan, "Keys", lambda: keys)
     monkeypatch.setattr(record_plan, "SystemClock", ManualClock)
     monkeypatch.setattr(type(record_plan.console), "is_terminal", property(lambda _: True))
