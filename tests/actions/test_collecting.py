@@ -16,7 +16,7 @@ from taxel.actions.interlock import Interlock, InterlockConfig, InterlockState
 from taxel.actions.sim_hand import SimHand
 from taxel.clock import ManualClock
 from taxel.decisions.stability import Stability, StabilityDecision
-from taxel.errors import BadInput
+from taxel.errors import BadInput, RecordingFailed
 from taxel.recordings.reader import read_recording
 from taxel.recordings.trial_plan import PlannedTrial
 from taxel.sim.teng.grasped_hand import GraspedHand, Motors
@@ -74,6 +74,20 @@ def test_a_hand_that_closes_on_nothing_records_nothing(tmp_path: Path):
 
     assert found.touched == ()
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_a_grasp_whose_currents_cannot_be_written_is_not_recorded(tmp_path: Path):
+    rig = Rig()
+    rig.plant.present("sphere", "glass", 1)
+    (tmp_path / CURRENTS).touch()
+    with pytest.raises(RecordingFailed, match="currents for recordings; got a file where"):
+        collect_grasp(rig.source, rig.driver, BALL, tmp_path, QUICK)
+    assert [path.name for path in tmp_path.iterdir()] == [CURRENTS]
+
+    (tmp_path / CURRENTS).unlink()
+    collect_grasp(rig.source, rig.driver, BALL, tmp_path, QUICK)
+    assert (tmp_path / "trial-001.mcap").is_file()
+    assert (tmp_path / CURRENTS / "trial-001.mcap").is_file()
 
 
 def test_a_stop_in_the_middle_keeps_nothing_and_moves_nothing_more(tmp_path: Path):

@@ -90,10 +90,10 @@ def test_pads_and_motors_that_do_not_belong_together_are_refused(
 
 
 class Typed:
-    """Keys that were typed beforehand, one a question."""
+    """Keys typed at the questions, one a question, and what was typed before the first."""
 
-    def __init__(self, keys: str) -> None:
-        self._keys = list(keys)
+    def __init__(self, keys: str, early: str = "") -> None:
+        self._keys, self._early = list(keys), early
 
     def __enter__(self) -> Self:
         return self
@@ -101,8 +101,13 @@ class Typed:
     def __exit__(self, *_: object) -> None:
         """Nothing to give back."""
 
+    def forget(self) -> bool:
+        early, self._early = self._early, ""
+        return "q" in early
+
     def typed(self) -> str:
-        return self._keys.pop(0) if self._keys else "q"
+        early, self._early = self._early, ""
+        return early or (self._keys.pop(0) if self._keys else "q")
 
 
 def test_a_person_is_asked_where_the_object_changes_and_may_end(
@@ -120,6 +125,23 @@ def test_a_person_is_asked_where_the_object_changes_and_may_end(
 
     assert said.count("put into the open hand: session a, object") == 2
     assert sorted(path.name for path in (tmp_path / "grasps").glob("*.mcap")) == ["trial-001.mcap"]
+
+
+@pytest.mark.parametrize("early", ["\n", "\n\n", "q"])
+def test_a_key_typed_before_the_question_closes_nothing(
+    early: str, plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):  # fmt: skip
+    rig = grasping.open_grasping("sim://teng?seed=3", HAND)
+    assert isinstance(rig.actuator.hand, SimHand)
+    monkeypatch.setattr(grasping, "open_grasping", lambda *_: replace(rig, place=None))
+    monkeypatch.setattr(collect_verb, "Keys", lambda: Typed("q", early))
+    monkeypatch.setattr(type(collect_verb.console), "is_terminal", property(lambda _: True))
+    collect(plan, tmp_path / "grasps")
+
+    assert capsys.readouterr().err.count("put into the open hand") == 1
+    assert rig.actuator.hand.plant.position.max() == 0.0
+    assert list((tmp_path / "grasps").glob("*")) == []
 
 
 def test_an_empty_hand_is_tried_three_times_and_then_said(

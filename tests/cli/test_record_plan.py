@@ -11,9 +11,10 @@ import pytest
 import tyro
 
 from taxel.actions import guided_trials
-from taxel.actions.guided_trials import NotSettled, record_trial
+from taxel.actions.guided_trials import NotHeld, NotSettled, record_trial
 from taxel.cli.recordings import record_plan
 from taxel.cli.recordings.record import Record
+from taxel.clock import ManualClock
 from taxel.errors import BadInput
 from taxel.frame_codec import encode_jpeg
 from taxel.recordings.manifest import NO_ARRAY
@@ -162,10 +163,10 @@ def test_the_papers_plan_is_its_sixty_videos():
 
 
 class Typed:
-    """Keys that were typed beforehand, one a question."""
+    """Keys typed at the questions, one a question, and what was typed before each of them."""
 
-    def __init__(self, keys: str) -> None:
-        self._keys = list(keys)
+    def __init__(self, keys: str, early: str = "") -> None:
+        self._keys, self._early = list(keys), early
 
     def __enter__(self) -> Self:
         return self
@@ -173,8 +174,13 @@ class Typed:
     def __exit__(self, *_: object) -> None:
         """Nothing to give back."""
 
+    def forget(self) -> bool:
+        early, self._early = self._early, ""
+        return "q" in early
+
     def typed(self) -> str:
-        return self._keys.pop(0) if self._keys else "q"
+        early, self._early = self._early, ""
+        return early or (self._keys.pop(0) if self._keys else "q")
 
 
 @pytest.mark.parametrize(
@@ -184,22 +190,16 @@ class Typed:
         ("\nr\n\n", [1, 2], [1, 1, 2]),
         ("\nd\n", [2], [1, 2]),
         ("\nq", [1], [1]),
+        ("drq", [], []),
+        ("\nddq", [], [1]),
+        ("\nrrq", [], [1]),
     ],
 )
 def test_a_key_repeats_or_discards_the_last_trial_or_ends(
     keys: str, recorded: list[int], times: list[int], plan: Path, tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ):  # fmt: skip
-    made: list[int] = []
-
-    def quick(source: Gels, trial: PlannedTrial, path: Path, *rest: object) -> object:
-        made.append(trial.number)
-        return record_trial(source, trial, path, 1.0)
-
-    monkeypatch.setattr(guided_trials, "record_trial", quick)
-    monkeypatch.setattr(record_plan, "open_source", lambda _: Gels())
-    monkeypatch.setattr(record_plan, "Keys", lambda: Typed(keys))
-    monkeypatch.setattr(type(record_plan.console), "is_terminal", property(lambda _: True))
+    made = asked(Typed(keys), monkeypatch)
     record(plan, tmp_path / "pours", "camera:///dev/a,/dev/b")
 
     assert made == times
@@ -207,10 +207,49 @@ def test_a_key_repeats_or_discards_the_last_trial_or_ends(
     assert files == [f"trial-00{number}.mcap" for number in recorded]
 
 
+@pytest.mark.parametrize(("keys", "times"), [("\ndrq", [1]), ("\nd\nq", [1, 1])])
+def test_where_a_grasp_is_made_again_nothing_is_discarded(
+    keys: str, times: list[int], plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):  # fmt: skip
+    made = asked(Typed(keys), monkeypatch, still_after_s=99.0)
+    record(plan, tmp_path / "pours", "camera:///dev/a,/dev/b")
+
+    assert made == times
+    assert "no last trial to discard now; Enter: ready" in capsys.readouterr().err
+
+
+def asked(keys: Typed, monkeypatch: pytest.MonkeyPatch, still_after_s: float = 0.0) -> list[int]:
+    """Let a person answer with keys; return the numbers of the trials that are then made."""
+    made: list[int] = []
+
+    def quick(source: Gels, trial: PlannedTrial, path: Path, *rest: object) -> object:
+        made.append(trial.number)
+        return record_trial(source, trial, path, 1.0)
+
+    monkeypatch.setattr(guided_trials, "record_trial", quick)
+    monkeypatch.setattr(record_plan, "open_source", lambda _: Gels(still_after_s))
+    monkeypatch.setattr(record_plan, "Keys", lambda: keys)
+    monkeypatch.setattr(record_plan, "SystemClock", ManualClock)
+    monkeypatch.setattr(type(record_plan.console), "is_terminal", property(lambda _: True))
+    return made
+
+
+@pytest.mark.parametrize("early", ["\n", "\n\n", "d", "r", "\nq", "q"])
+def test_a_key_typed_before_the_question_starts_nothing(
+    early: str, plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    made = asked(Typed("q", early), monkeypatch)
+    record(plan, tmp_path / "pours", "camera:///dev/a,/dev/b")
+
+    assert made == []
+
+
 def test_the_gripper_is_set_to_each_trials_force(
     plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """On the simulated gripper; a force that it does not have is refused, nothing kept."""
+    monkeypatch.setattr(record_plan, "SystemClock", ManualClock)
     forces: list[float] = []
     real: Callable[..., float] = guided_trials.set_grip
 
@@ -231,6 +270,17 @@ def test_the_gripper_is_set_to_each_trials_force(
                "sim://gripper?max_force_n=40&closing_s=0.05")  # fmt: skip
 
     assert forces == [15.0, 50.0, 15.0]
+
+
+def test_a_gripper_that_closes_on_nothing_records_nothing(
+    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(record_plan, "SystemClock", ManualClock)
+    with pytest.raises(NotHeld, match="got a gripper that closed on nothing"):
+        record(plan, tmp_path / "pours", "sim://cup-pour?speed=max", "--gripper",
+               "sim://gripper?width_mm=0")  # fmt: skip
+
+    assert list(tmp_path.rglob("*.mcap")) == []
 
 
 @pytest.mark.parametrize(

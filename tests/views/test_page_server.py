@@ -17,6 +17,7 @@ from websockets.sync.client import connect
 from taxel.errors import BadInput
 from taxel.views.page.clients import MESSAGES_HZ, Clients
 from taxel.views.page.guard import cookie_name
+from taxel.views.page.plan_link import PlanLink
 from taxel.views.page.server import PageServer, serve_page
 
 IMAGE = b"\xff\xd8" + b"\x55" * 40_000 + b"\xff\xd9"
@@ -389,3 +390,9 @@ def socket_at(port):
         taken.bind(("127.0.0.1", port))
         taken.listen()
         yield taken
+
+
+def test_a_link_that_cannot_disarm_says_why():
+    with serve_page(PlanLink(3, asks=True)) as server, page(server) as first:
+        first.send('{"do":"disarm"}')
+        assert answer(first)["reason"].startswith("nothing is armed while a plan is recorded")

@@ -184,6 +184,11 @@ def test_q_is_noticed_and_the_terminal_given_back():
         os.write(keyboard, b"q")
         assert key.quit
         assert not key.quit
+        os.write(keyboard, b"\nd")
+        assert not key.forget()
+        assert key.typed() == ""
+        os.write(keyboard, b"\nq")
+        assert key.forget()
         key.__exit__(None, None, None)
         assert termios.tcgetattr(stream) == before
     os.close(keyboard)

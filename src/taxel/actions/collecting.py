@@ -96,15 +96,16 @@ def collect_grasp(
     recorder = Recorder(folder / trial.file_name, manifest, overwrite=True)
     try:
         scans = _run(source, driver, cycle, recorder, currents, stopped)
+        kept = bool(cycle.touched) and cycle.done
+        if kept:  # currents first: a grasp whose file is there counts as done
+            start_s = min(cycle.touched.values()) - BEFORE_S
+            recorder.mark(Mark(start_s=start_s, end_s=cycle.ended_s, labels={}))
+            write_currents(folder / CURRENTS / trial.file_name, currents.time_s, currents.values)
     except BaseException:
         recorder.discard()
         raise
-    kept = bool(cycle.touched) and cycle.done
     if kept:
-        start_s = min(cycle.touched.values()) - BEFORE_S
-        recorder.mark(Mark(start_s=start_s, end_s=cycle.ended_s, labels={}))
         recorder.close("cleanly")
-        write_currents(folder / CURRENTS / trial.file_name, currents.time_s, currents.values)
     else:
         recorder.discard()
     return CollectedGrasp(

@@ -11,6 +11,7 @@ are our choice, docs/decisions/0043.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from taxel.actions.actuators import GripperActuator
-from taxel.actions.gripper import Motion
+from taxel.actions.gripper import Gripper, GripperStatus, Motion
 from taxel.clock import Clock
 from taxel.errors import BadInput, BadSource
 from taxel.frame_codec import decode_jpeg
@@ -31,16 +32,26 @@ from taxel.sources.contract import Source
 
 PATIENCE_S = 10.0
 """How long a grasp may take to settle, seconds of the source's time. Our choice."""
-_SILENCE_READS = 50
-"""Reads of 0.1 s without anything after which a source is given up. Our choice."""
+_SILENCE_S = 5.0
+"""How long a camera may be silent while others deliver, seconds of the source's time; and, where
+nothing comes at all, how long it is read. Our choice."""
+_READ_S = 0.1
+"""How long a read waits, seconds. Our choice."""
 _LEAST_SHARE = 0.95
 """A source that ends before this share of a trial has not recorded it. Our choice."""
 _GRIP_S = 5.0
 """How long a gripper may take to hold, seconds. Our choice."""
+_GRIP_SETTLE_S = 0.5
+"""How long a gripper's state must last before it counts, seconds: fingers begin to move and their
+force comes a while after an order. Our choice; decision 16's fingers take 0.4 s from 15 to 50 N."""
 
 
 class NotSettled(BadInput):
     """The images of a grasp go on changing."""
+
+
+class NotHeld(BadInput):
+    """The gripper has closed on nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +64,59 @@ class RecordedTrial:
     change: float
     """Largest change in the settled stretch, per cent of the brightness."""
     frames: int
+
+
+@dataclass(slots=True)
+class _Listening:
+    """Reads a source; notices where it, or one of its cameras, falls silent."""
+
+    source: Source
+    newest_s: float = -np.inf
+    """The newest moment of which anything was heard."""
+    heard_s: dict[int, float] = field(default_factory=dict)
+    """Camera → its newest frame's time; before its first, when the source was first heard."""
+    silent: int = 0
+    """Reads in a row that gave nothing."""
+
+    def read(self) -> tuple[Samples, list[Frame]]:
+        """Return what came.
+
+        Raises:
+            BadSource: Nothing for `_SILENCE_S`, of a camera or of all; or the source has ended.
+        """
+        samples, frames = self.source.read(_READ_S), self.source.frames()
+        times = [frame.fitted_s for frame in frames]
+        if len(samples):
+            times.append(float(samples.fitted_s.max()))
+        self.silent = 0 if times else self.silent + 1
+        if self.silent * _READ_S > _SILENCE_S or (self.source.ended and not times):
+            raise BadSource(
+                "cameras that go on delivering",
+                "the end of the source" if self.source.ended else f"nothing for {_SILENCE_S:g} s",
+                "check the cables and record the trial again",
+            )
+        self._hear(times, frames)
+        return samples, frames
+
+    def _hear(self, times: list[float], frames: list[Frame]) -> None:
+        """Note who was heard.
+
+        Raises:
+            BadSource: A camera has been silent for too long.
+        """
+        self.newest_s = max([self.newest_s, *times])
+        for number in range(len(self.source.cameras) if times else 0):
+            self.heard_s.setdefault(number, min(times))
+        for frame in frames:
+            self.heard_s[frame.camera] = max(self.heard_s[frame.camera], frame.fitted_s)
+        for number, heard_s in self.heard_s.items():
+            if self.newest_s - heard_s > _SILENCE_S:
+                raise BadSource(
+                    "cameras that all go on delivering",
+                    f"nothing from the {self.source.cameras[number].name} camera for "
+                    f"{_SILENCE_S:g} s",
+                    "check its cable and record the trial again",
+                )
 
 
 @dataclass(slots=True)
@@ -90,6 +154,14 @@ class _Settling:
     def known(self) -> bool:
         """True once every camera has said how much its images changed."""
         return len(self.worst) == len(self.meters)
+
+    def slow(self) -> BadSource:
+        """Return the refusal of a camera whose change is still not known."""
+        name = next(cam.name for cam in self.source.cameras if cam.name not in self.worst)
+        return BadSource(
+            f"enough frames within {PATIENCE_S:g} s to see whether the grasp is still",
+            f"too few of the {name} camera", "check its cable and record the trial again",
+        )  # fmt: skip
 
     def words(self) -> str:
         """Return which camera changed most, in words."""
@@ -129,8 +201,8 @@ def record_trial(
         raise BadSource(
             "tactile cameras for a plan of grasps", "none", "record an array without --plan"
         )
-    settling = _Settling(source, config or ChangeConfig())
-    after_s = _settle(source, settling, say, stopped)
+    settling, listening = _Settling(source, config or ChangeConfig()), _Listening(source)
+    after_s = _settle(listening, settling, say, stopped)
     if after_s is None:
         return None
     say(f"settled: pour now, {seconds:g} s are recorded")
@@ -141,7 +213,7 @@ def record_trial(
     )  # fmt: skip
     recorder = Recorder(path, manifest, overwrite=True)
     try:
-        frames = _record(source, settling, recorder, start_s + seconds, stopped)
+        frames = _record(listening, settling, recorder, start_s + seconds, stopped)
     except BaseException:
         recorder.discard()
         raise
@@ -155,22 +227,24 @@ def record_trial(
 
 
 def _settle(
-    source: Source,
+    listening: _Listening,
     settling: _Settling,
     say: Callable[[str], None],
     stopped: Callable[[], bool],
 ) -> float | None:
     """Watch until the images have stood still; return seconds since the first frame."""
-    first_s, silent = np.inf, 0
+    first_s, begun_s = np.inf, np.inf
     while not stopped():
-        samples, frames = source.read(0.1), source.frames()
-        silent = _listen(source, bool(frames) or len(samples) > 0, silent)
+        samples, frames = listening.read()
+        begun_s = min(begun_s, listening.newest_s)
         if len(samples):
             settling.samples.append(samples)
         for frame in frames:
             first_s = min(first_s, frame.fitted_s)
             settling.take(frame)
         if not settling.known:
+            if listening.newest_s - begun_s > PATIENCE_S:
+                raise settling.slow()
             continue
         if max(settling.worst.values()) <= settling.config.least_change:
             return float(settling.frames[0].fitted_s - first_s)
@@ -181,18 +255,19 @@ def _settle(
                 settling.words(), "grasp again, and hold the cup still",
             )  # fmt: skip
         settling.begin()
+        begun_s = np.inf
     return None
 
 
 def _record(
-    source: Source,
+    listening: _Listening,
     settling: _Settling,
     recorder: Recorder,
     end_s: float,
     stopped: Callable[[], bool],
 ) -> int | None:
     """Write what came while it settled and what comes; return frames, None where it was ended."""
-    count, newest_s, silent = 0, -np.inf, 0
+    source, count, newest_s = listening.source, 0, -np.inf
     waiting = set(range(len(source.cameras)))
     begin_s = settling.frames[0].fitted_s
     samples, frames = Samples.join(settling.samples) if settling.samples else None, settling.frames
@@ -213,30 +288,13 @@ def _record(
             return None
         if not waiting or source.ended:
             break
-        samples, frames = source.read(0.1), source.frames()
-        silent = _listen(source, bool(frames) or len(samples) > 0, silent)
+        samples, frames = listening.read()
     if waiting and newest_s - begin_s < _LEAST_SHARE * (end_s - begin_s):
         raise BadSource(
             f"{end_s - begin_s:g} s of frames", f"the end after {newest_s - begin_s:.2f} s",
             "record the trial again",
         )  # fmt: skip
     return count
-
-
-def _listen(source: Source, came: bool, silent: int) -> int:
-    """Return how many reads in a row gave nothing.
-
-    Raises:
-        BadSource: Too many, or the source has ended before it gave anything more.
-    """
-    silent = 0 if came else silent + 1
-    if silent > _SILENCE_READS or (source.ended and not came):
-        raise BadSource(
-            "cameras that go on delivering",
-            "the end of the source" if source.ended else "nothing for 5 s",
-            "check the cables and record the trial again",
-        )
-    return silent
 
 
 def set_grip(gripper: GripperActuator, trial: PlannedTrial, clock: Clock) -> float:
@@ -248,7 +306,8 @@ def set_grip(gripper: GripperActuator, trial: PlannedTrial, clock: Clock) -> flo
         clock: Waited on.
 
     Raises:
-        BadInput: The plan names no force, or the gripper cannot hold.
+        NotHeld: It closed on nothing, or lost what it held.
+        BadInput: The plan names no force, or the gripper does not answer or cannot hold.
     """
     text = trial.groups.get("force_n", "")
     try:
@@ -263,15 +322,48 @@ def set_grip(gripper: GripperActuator, trial: PlannedTrial, clock: Clock) -> flo
             f"a force of {gripper.force.least_n:g} to {gripper.force.max_n:g} N",
             f"{force_n:g} N in the plan", "mend the plan, or the gripper's address",
         )  # fmt: skip
-    until_s = clock.now_s() + _GRIP_S
-    gripper.gripper.grip(gripper.force.pct(force_n), until_s)
-    while clock.now_s() < until_s:
+    pct = gripper.force.pct(force_n)
+    status = _grip(gripper.gripper, pct, clock)
+    if status is None:
         status = gripper.gripper.status()
-        if status.ok and status.motion in (Motion.CAUGHT, Motion.REACHED):
-            return force_n
+        got = status.motion.value
+        if not _same(status.force_pct, pct):
+            got = f"a force set to {gripper.force.newtons(status.force_pct):g} N"
+        raise BadInput(
+            f"a gripper that holds with {force_n:g} N within {_GRIP_S:g} s", status.fault or got,
+            "look at the gripper and its cable, then run the same command again",
+        )  # fmt: skip
+    if status.motion is not Motion.CAUGHT:
+        got = "dropped it" if status.motion is Motion.DROPPED else "closed on nothing"
+        raise NotHeld(
+            "an object between the gripper's fingers", f"a gripper that {got}",
+            "open the gripper, put the object between its fingers and grasp again",
+        )  # fmt: skip
+    return force_n
+
+
+def _grip(gripper: Gripper, pct: float, clock: Clock) -> GripperStatus | None:
+    """Close with a force; return the status that has lasted, None where none did in time.
+
+    Only what was read after the order counts, and only where the gripper has taken the force.
+    """
+    asked_s = clock.now_s()
+    since_s, motion = math.inf, Motion.MOVING
+    gripper.grip(pct, asked_s + _GRIP_S)
+    while clock.now_s() < asked_s + _GRIP_S:
+        status = gripper.status()
+        fresh = status.ok and status.read_s > asked_s
+        if not (fresh and _same(status.force_pct, pct)) or status.motion is Motion.MOVING:
+            since_s = math.inf
+        elif since_s == math.inf or status.motion is not motion:
+            since_s, motion = status.read_s, status.motion
+        elif status.read_s - since_s >= _GRIP_SETTLE_S:
+            return status
         clock.sleep(0.02)
-    status = gripper.gripper.status()
-    raise BadInput(
-        f"a gripper that holds within {_GRIP_S:g} s", status.fault or status.motion.value,
-        "look at the gripper",
-    )  # fmt: skip
+    return None
+
+
+def _same(set_pct: float, asked_pct: float) -> bool:
+    """True where a set force is what was asked; some grippers take whole percent only."""
+    whole = math.floor(asked_pct + 1e-9)
+    return any(abs(set_pct - pct) < 1e-6 for pct in (asked_pct, whole))

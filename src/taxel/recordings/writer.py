@@ -344,6 +344,11 @@ class Recorder:
             self._error = RecordingFailed(self._line("the disk has stood still"))
 
     def _failed(self, error: OSError) -> RecordingFailed:
+        if error.errno in (errno.EEXIST, errno.ENOTDIR) and output_of(self._path) is None:
+            return RecordingFailed(
+                f"needed a folder {self._path.parent} for recordings; got a file where a folder "
+                "should be; move it away or choose another folder, then record again."
+            )
         full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
         reason = "the disk is full" if full else f"the disk refused ({error.strerror or error})"
         return RecordingFailed(self._line(reason))

@@ -55,6 +55,13 @@ class Keys:
             found += keys.decode("ascii", "ignore").lower()
         return found
 
+    def forget(self) -> bool:
+        """Throw away what was typed until now; return True where q was among it.
+
+        A question comes first, then its answer: a key typed earlier was meant for something else.
+        """
+        return self.quit
+
     @property
     def quit(self) -> bool:
         """True when q was typed since the last question, or the terminal went away."""

@@ -173,6 +173,8 @@ def _one(
             rig.place(trial)
         elif keys is not None:
             say_aside(f"put into the open hand: {trial.words}; then Enter (q: end)")
+            if keys.forget():
+                return None
             typed: list[str] = []
 
             def waiting(typed: list[str] = typed) -> bool:

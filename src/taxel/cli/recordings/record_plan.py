@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.cli.recordings.plan_page import Shower, open_shower
 from taxel.cli.recordings.recording import record_source
+from taxel.clock import SystemClock
 from taxel.errors import BadInput
 from taxel.recordings.trial_plan import PlannedTrial, balance_line, done_of, read_plan
 from taxel.sources.contract import Source
@@ -30,6 +31,8 @@ TARE = Path("tare") / "untouched.mcap"
 TARE_S = 1.0
 """How long untouched gels are recorded, seconds. Source: our choice, docs/decisions/0043."""
 _KEYS = "Enter: ready · r: the last one again · d: discard the last one · q: end"
+_TWO_KEYS = "Enter: ready · q: end"
+_NO_LAST = f"there is no last trial to discard now; {_TWO_KEYS}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,6 +113,7 @@ class _Session:
         self._options, self._stack, self._keys = options, stack, keys
         self._stopped, self._shower = stopped, shower
         self._show_line, self._board = shower.line, shower.board
+        self._clock = SystemClock()
         self._gripper = self._open_gripper()
         self._source: Source | None = None
         if options.tare:
@@ -123,10 +127,12 @@ class _Session:
         while queue and not self._stopped():
             trial = queue[0]
             self._show_line(f"trial {trial.number} of {len(trials)}: {trial.words}")
-            key = self._ask("GET READY", number=trial.number, words=trial.words)
+            key = self._ask(
+                "GET READY", last=last is not None, number=trial.number, words=trial.words
+            )
             if key == "q":
                 break
-            if key in ("r", "d") and last is not None:
+            if key and last is not None:
                 (self._options.output / last.file_name).unlink(missing_ok=True)
                 made = [done for done in made if done.trial is not last]
                 self._show_line(f"discarded: trial {last.number}")
@@ -146,15 +152,14 @@ class _Session:
         return made
 
     def _one(self, trial: PlannedTrial) -> RecordedTrial | None:
-        """Record a trial; where a person is there, an unsettled grasp is made again."""
-        from taxel.actions.guided_trials import NotSettled, record_trial, set_grip
-        from taxel.clock import SystemClock
+        """Record a trial; where a person is there, a grasp not held or not still is repeated."""
+        from taxel.actions.guided_trials import NotHeld, NotSettled, record_trial, set_grip
 
         while not self._stopped():
-            if self._gripper is not None:
-                force_n = set_grip(self._gripper, trial, SystemClock())
-                self._show_line(f"gripper holds with {force_n:g} N")
             try:
+                if self._gripper is not None:
+                    force_n = set_grip(self._gripper, trial, self._clock)
+                    self._show_line(f"gripper holds with {force_n:g} N")
                 with ExitStack() as own:
                     source: Source = HandedOn(self._cameras_for(trial, own), see=self._board.see)
                     path = self._options.output / trial.file_name
@@ -166,7 +171,7 @@ class _Session:
                         self._shower.phase,
                         self._stopped,
                     )
-            except NotSettled as error:
+            except (NotHeld, NotSettled) as error:
                 if self._keys is None:
                     raise
                 self._show_line(str(error))
@@ -193,7 +198,7 @@ class _Session:
         from taxel.actions.actuators import GripperActuator
         from taxel.actions.opening import open_actuator
 
-        gripper = open_actuator(self._options.gripper)
+        gripper = open_actuator(self._options.gripper, self._clock)
         if not isinstance(gripper, GripperActuator):
             raise BadInput(
                 "a gripper's address, such as pge:///dev/ttyUSB0?max_force_n=50",
@@ -215,30 +220,39 @@ class _Session:
         record_source(self._source, path, TARE_S, labels={}, groups={"touch": "none"},
                       stopped=self._stopped)  # fmt: skip
 
-    def _ask(self, word: str, why: str = "", **shown: Any) -> str:
+    def _ask(self, word: str, why: str = "", *, last: bool = False, **shown: Any) -> str:
         """Return the key that a person typed: "" for Enter, r, d or q; "" where nobody is asked.
 
         Args:
             word: What the page says is to be done.
             why: In words.
+            last: There is a last trial, which r and d may discard; they are refused elsewhere.
             shown: More for the page.
         """
-        self._board.show(word, why, waits=True, **shown)
+        self._board.show(word, why, waits=True, discards=last, **shown)
         if self._keys is None:
             return ""
-        from taxel.clock import SystemClock
-
-        self._show_line(_KEYS)
-        clock = SystemClock()
+        self._show_line(_KEYS if last else _TWO_KEYS)
+        if self._keys.forget():
+            return "q"
         while not self._stopped():
             typed = self._keys.typed()
-            found = next((key for key in typed if key in "\r\nrdq"), None)
             step = self._shower.step()
-            if found is not None or step is not None:
+            found = step if step is not None else _first_key(typed)
+            if found in ("r", "d") and not last:
+                if "q" in typed:
+                    return "q"
+                self._show_line(_NO_LAST)
+            elif found is not None:
                 self._board.show("HOLD STILL", "until the grasp has settled")
-                return step if step is not None else str(found).strip()
-            clock.sleep(0.05)
+                return found
+            self._clock.sleep(0.05)
         return "q"
+
+
+def _first_key(typed: str) -> str | None:
+    """Return the first key that means something, "" for Enter; None without any."""
+    return next((key.strip() for key in typed if key in "\r\nrdq"), None)
 
 
 def simulated_trial(url: str, trial: PlannedTrial, seconds: float) -> str:

@@ -237,8 +237,7 @@ class Clients:
         """
         replay = self._replay
         if isinstance(command, Disarm):
-            await asyncio.to_thread(self._link.disarm)
-            return ""
+            return await asyncio.to_thread(self._link.disarm) or ""
         async with self._work:
             match command:
                 case Acknowledge():

@@ -1,7 +1,9 @@
 """What the page needs of the station that it shows; the page's server knows nothing else of it.
 
 A link sends, and takes what a person asks (acknowledge, disarm, record, a replay's cursor): it has
-no way to arm or to move a gripper, so the page has none either. Knows nothing about HTTP.
+no way to arm or to move a gripper, so the page has none either. One exception: where a plan of
+trials is recorded with a gripper, that closes once a person says that they are ready. Knows nothing
+about HTTP.
 """
 
 from __future__ import annotations
@@ -86,8 +88,12 @@ class StationLink(Protocol):
         """Take a person's word that the alarms were seen."""
         ...
 
-    def disarm(self) -> None:
-        """Give the gripper no more orders, on a person's word; what it holds it keeps holding."""
+    def disarm(self) -> str | None:
+        """Give the gripper no more orders, on a person's word; what it holds it keeps holding.
+
+        Returns:
+            Why that was not possible; nothing where it was done.
+        """
         ...
 
     def record(self, on: bool, labels: dict[str, str]) -> str:

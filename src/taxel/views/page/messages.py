@@ -1,7 +1,7 @@
 """What a page may say to the server: nine short commands, each checked to the letter.
 
-One is about the gripper: to disarm, the safe direction. None arms or moves it. Knows nothing
-about sockets.
+One is about the gripper: to disarm, the safe direction. None arms or moves it, but that the program
+that records a plan with a gripper closes it when a person is ready. Knows nothing about sockets.
 """
 
 from __future__ import annotations

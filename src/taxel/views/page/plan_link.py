@@ -36,6 +36,7 @@ class PlanLink:
             "words": "", "balance": "", "asks": False,
         }  # fmt: skip
         self._asks = asks
+        self._discards = False
         self._since_s = monotonic()
         self._steps: deque[str] = deque()
         self._cameras: tuple[CameraInfo, ...] = ()
@@ -43,18 +44,28 @@ class PlanLink:
 
     # What the recording holds.
 
-    def show(self, word: str, why: str = "", *, waits: bool = False, **values: Any) -> None:
+    def show(
+        self,
+        word: str,
+        why: str = "",
+        *,
+        waits: bool = False,
+        discards: bool = False,
+        **values: Any,
+    ) -> None:
         """Say what to do now.
 
         Args:
             word: In capitals, such as POUR NOW.
             why: In words.
             waits: A person's step is waited for.
+            discards: There is a last trial, which a step may discard or make again.
             values: More of what is shown: number, words, done, balance.
         """
         with self._lock:
             more = values | {"word": word, "why": why, "asks": waits and self._asks}
             self._since_s = monotonic()
+            self._discards = discards
             self._shown = self._shown | more
             if not waits:
                 self._steps.clear()
@@ -104,14 +115,17 @@ class PlanLink:
         with self._lock:
             if not self._shown["asks"] or len(self._steps) >= _WAITING:
                 return "no trial waits for that now"
+            if what != "ready" and not self._discards:
+                return "there is no last trial to discard now"
             self._steps.append(what)
         return ""
 
     def acknowledge(self) -> None:
         """There are no alarms."""
 
-    def disarm(self) -> None:
-        """Nothing is armed."""
+    def disarm(self) -> str:
+        """Refuse: nothing is armed, and a gripper is the recording program's own."""
+        return "nothing is armed while a plan is recorded; a gripper keeps what it holds"
 
     def record(self, on: bool, labels: dict[str, str]) -> str:
         """Refuse: the plan says what is recorded."""

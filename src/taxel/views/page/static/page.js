@@ -192,7 +192,7 @@ function acknowledge() {
 
 /** The safe direction only, and never held back by what this page believes: it may be out of date. */
 function disarm() {
-  if (snapshot?.gripper) say({ do: "disarm" });
+  if (snapshot?.gripper || snapshot?.plan) say({ do: "disarm" });
 }
 
 /** Show only what to do, to be read from two metres; or all again. */
