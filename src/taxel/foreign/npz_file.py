@@ -19,7 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadFile
-from taxel.foreign.archives import LARGEST_ARRAYS, LONGEST_START, array_of, read_head
+from taxel.foreign.archives import (
+    LARGEST_ARRAYS,
+    LONGEST_START,
+    array_of,
+    read_head,
+    refuse_packing,
+)
 from taxel.foreign.files import GIB, MIB, in_words, open_file, refuse_larger, size_of
 from taxel.foreign.held_arrays import (
     LONGEST_TEXT,
@@ -106,6 +112,7 @@ class NpzFile:
         try:
             if info.flag_bits & 1:
                 raise BadFile("arrays that anybody can read", "an encrypted one", "write it again")
+            refuse_packing(info)
             if info.compress_type == zipfile.ZIP_STORED and info.file_size == info.compress_size:
                 start = _start_of(self._file, info)
                 if name not in self._whole:
