@@ -133,6 +133,8 @@ class NpzFile:
             )  # fmt: skip
         with self._zip.open(info) as member:
             _, dtype, shape, _ = read_head(member.read(LONGEST_START))
+        if dtype.kind in "US":
+            _refuse_long(info.file_size)
         if dtype.kind in "biuf":
             member_of = self._array_of
             return Numbers(shape, dtype, lambda places: member_of(info)[places])
@@ -216,12 +218,17 @@ def _held(file: BinaryIO, at: int, size: int) -> Held:
     if dtype.kind in "biufc" and size > start:
         mapped = np.memmap(file, dtype, "r", at + start, shape, "F" if by_columns else "C")
         return Numbers.of(mapped)
-    if size - start > _LARGEST_TEXTS:
+    _refuse_long(size - start)
+    file.seek(at)
+    return _in_memory(array_of(file.read(size), "biufcUS"))
+
+
+def _refuse_long(size: int) -> None:
+    """Refuse texts of more bytes than are read."""
+    if size > _LARGEST_TEXTS:
         raise BadFile(
             f"texts of at most {in_words(_LARGEST_TEXTS)}", in_words(size), "shorten them"
         )
-    file.seek(at)
-    return _in_memory(array_of(file.read(size), "biufcUS"))
 
 
 def _in_memory(array: NDArray[Any]) -> Held:
