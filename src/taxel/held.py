@@ -99,11 +99,12 @@ def output_of(path: Path) -> Path | None:
 
 
 @contextmanager
-def only_writer(output: Path) -> Iterator[None]:
+def only_writer(output: Path, option: str = "--output") -> Iterator[None]:
     """Hold the right to write an output; a second process is refused in a plain line.
 
     Args:
         output: A file or folder to be written; the lock is a hidden file beside it.
+        option: By which another is chosen.
 
     Raises:
         BadInput: Another process holds it.
@@ -117,10 +118,10 @@ def only_writer(output: Path) -> Iterator[None]:
             raise BadInput(
                 f"{output} for this process alone",
                 f"another that writes it, process {_pid_in(path)}",
-                "wait until it has ended, or choose another --output",
+                f"wait until it has ended, or choose another {option}",
             )
     except OSError as error:
-        raise _refused(output, error) from error
+        raise _refused(output, error, option) from error
     try:
         yield
     finally:
@@ -223,8 +224,8 @@ def _pid_in(path: Path) -> str:
     return "unknown"
 
 
-def _refused(output: Path, error: OSError) -> RecordingFailed:
+def _refused(output: Path, error: OSError, option: str = "--output") -> RecordingFailed:
     return RecordingFailed(
         f"needed to write {output}; got {error.strerror or error}; "
-        "make room or choose another place with --output."
+        f"make room or choose another place with {option}."
     )

@@ -88,7 +88,7 @@ _SUMMARY = {
     "windows": 3, "filled": 1, "answers": {"cup": 3}, "marked": 2, "right": 1, "grasps": 1,
     "grasps_right": 1, "grasps_without": 0, "latency_us_median": 1.0,
     "latency_us_p99": 1.0, "target": "object", "gate_moves": [], "still_channels": [],
-    "actions": {},
+    "actions": {}, "outages": [], "rate_changes": [],
 }  # fmt: skip
 ATTRIBUTES: dict[str, Any] = {
     "measured": {},
@@ -121,7 +121,10 @@ ANSWERS: dict[str, Any] = {
         recordings=[Path("a.mcap")], marks=[], replaced=0, left_out=[]
     ),
     "run_session": lambda _, recognisers, *__: [
-        SimpleNamespace(summary=lambda: dict(_SUMMARY), still_channels=[]) for _ in recognisers
+        SimpleNamespace(
+            summary=lambda: dict(_SUMMARY), still_channels=[], outages=[], rate_changes=[]
+        )
+        for _ in recognisers
     ],
     "run_grasp_session": lambda *_: SimpleNamespace(
         summary=lambda: {"states": {}, "moments": 0, "alarms": 0, "grasps": []}

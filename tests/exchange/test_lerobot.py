@@ -136,6 +136,33 @@ def test_a_damaged_data_set_is_refused_and_nothing_is_written(name, recordings, 
     assert not (tmp_path / "back").exists()
 
 
+@pytest.mark.parametrize("name", [layout.EPISODES, layout.TASKS])
+@pytest.mark.parametrize("kind", ["rows", "texts", "nothing"])
+def test_what_packs_too_well_is_refused_before_it_is_unpacked(
+    name, kind, recordings, tmp_path, monkeypatch
+):
+    """A million equal rows are a few hundred bytes of Parquet, and so is a text, said as often."""
+    pa = importlib.import_module("pyarrow")
+    write_lerobot(recordings, tmp_path / "set")
+    rows = 1_000_001 if kind == "rows" else 64
+    empty = pa.nulls(rows, pa.int64()) if kind == "nothing" else pa.array([0] * rows)
+    held = {"episode_index": empty, "task_index": empty}
+    if kind == "texts":
+        held["task"] = pa.DictionaryArray.from_arrays(
+            pa.array([0] * rows, pa.int32()), ["a" * 10_000]
+        )
+        monkeypatch.setattr("taxel.exchange.lerobot_read._LARGEST_META", 100_000)
+        monkeypatch.setattr("taxel.exchange.lerobot_read._AT_ONCE", 20_000)
+    pq.write_table(pa.table(held), tmp_path / "set" / name, store_schema=False)
+    assert (tmp_path / "set" / name).stat().st_size < 20_000
+    said = {"rows": "1,000,001 rows", "texts": "more than 100,000 bytes", "nothing": "TypeError"}[
+        kind
+    ]
+    with pytest.raises(BadDataset, match=said) as caught:
+        import_lerobot(tmp_path / "set", tmp_path / "back")
+    assert "\n" not in str(caught.value)
+
+
 def only(key: str, dtype: str) -> dict[str, dict]:
     return {"features": {key: {"dtype": dtype, "shape": [4, 4, 3], "names": None}}}
 

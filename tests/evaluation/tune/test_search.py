@@ -125,6 +125,58 @@ def test_in_a_shared_database_a_silent_trial_is_tried_again(
     assert len(again) == 2
 
 
+def test_a_trial_that_another_gave_up_meanwhile_is_left_and_the_search_goes_on(url: str) -> None:
+    """As of a machine that slept: its trial was tried again elsewhere."""
+    store = Store(url, alone=False)
+    lines: list[str] = []
+
+    class Sleeping(Work):
+        def __call__(self, job: tuple[dict[str, Any], int]) -> float:
+            if len(self.jobs) in (4, 9):  # in a first fold, and in a last
+                (trial,) = [t for t in _trials(store) if t.state.name == "RUNNING"]
+                store.storage.set_trial_state_values(trial._trial_id, type(trial.state).FAIL)
+            return super().__call__(job)
+
+    try:
+        found = store.search(search(Sleeping()), lines.append)
+        states = [t.state.name for t in _trials(store)]
+    finally:
+        store.close()
+    assert found.trials == 7
+    assert states.count("FAIL") == 2
+    assert sum("given up by another process" in line for line in lines) == 2
+
+
+def test_a_file_of_sqlite_is_for_one_search_at_a_time(tmp_path: Path) -> None:
+    """However its path is written; another file, and one whose search has ended, are free."""
+    (tmp_path / "link.db").symlink_to(tmp_path / "tune.db")
+    url, link = (f"sqlite:///{tmp_path / name}" for name in ("tune.db", "link.db"))
+    with open_store(url) as store:
+        study = store.storage.create_new_study([study_direction()])
+        trial = store.storage.create_new_trial(study)
+        for same in (url, link, url.replace("sqlite:", "sqlite+pysqlite:")):
+            with pytest.raises(BadInput, match=r"this process alone.*another --storage"):
+                open_store(same).__enter__()
+        assert store.storage.get_trial(trial).state.name == "RUNNING"
+        with open_store(f"sqlite:///{tmp_path / 'other.db'}"):
+            pass
+    with open_store(link):
+        pass
+
+
+def study_direction() -> Any:
+    import optuna
+
+    return optuna.study.StudyDirection.MAXIMIZE
+
+
+@pytest.mark.parametrize(
+    "url", ["sqlite://", "sqlite:///:memory:", "postgresql://host/name", "no address", "x://"]
+)
+def test_what_is_no_file_of_sqlite_is_not_locked(url: str) -> None:
+    assert study_module._file_of(url) is None
+
+
 def _trials(store: Store) -> list[Any]:
     study_id = store.storage.get_study_id_from_name("one")
     return list(store.storage.get_all_trials(study_id))

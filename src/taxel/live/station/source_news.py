@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections import deque
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from taxel.signals import Frame, Samples, Validity
+from taxel.sources.cameras.link import CameraLedger
 from taxel.sources.contract import Source
 
 REPORT_S = 0.25
@@ -21,6 +22,13 @@ _SPAN_S = 2.0
 _STALE_S = 0.5
 """Silence after which a source is stale, seconds, beside the pause that its cameras say they make
 between two grasps. Source: our choice."""
+
+
+@runtime_checkable
+class _Cameras(Protocol):
+    """A source that knows why one of its cameras is gone."""
+
+    def ledgers(self) -> tuple[CameraLedger, ...]: ...
 
 
 def short_name(url: str) -> str:
@@ -89,8 +97,17 @@ class SourceNews:
             "rate_hz": rate_hz / max(1, self._cameras),
             "nominal_hz": cameras[0].rate_hz if cameras else info.rate_hz,
             "produced": self._produced, "lost": self._lost,
-            "note": f"{self._unusable} rows with missing values" if self._unusable else "",
+            "note": "; ".join(self._notes()),
         }  # fmt: skip
+
+    def _notes(self) -> list[str]:
+        """Return what is amiss, and why where the source knows."""
+        notes = [f"{self._unusable} rows with missing values"] if self._unusable else []
+        if isinstance(self._source, _Cameras):
+            notes += [
+                f"{camera.name}: {camera.why}" for camera in self._source.ledgers() if camera.why
+            ]
+        return notes
 
     def _count(self, stream: int, counter: np.ndarray[Any, np.dtype[np.int64]]) -> None:
         """Count what the device counted and did not arrive."""

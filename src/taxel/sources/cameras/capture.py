@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from taxel.plain_text import visible
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraRequest:
@@ -44,6 +46,28 @@ class CameraGiven:
     """USB serial number; empty where it has none."""
     node: str = ""
     """The node that was opened, links followed."""
+
+
+def another(first: CameraGiven, now: CameraGiven, serial_shared: bool) -> str:
+    """Return what shows that a camera is another than at first; empty where nothing does.
+
+    The same serial number is the same camera, in whatever socket; without one, or where several
+    have it, the socket decides.
+
+    Args:
+        first: What it gave when it was first opened.
+        now: What the camera gives that is at its address now.
+        serial_shared: Whether another of the cameras has the same serial number.
+    """
+    if first.serial != now.serial:
+        return f"serial {visible(now.serial)}" if now.serial else "without a serial number"
+    if first.card != now.card:
+        return f"its name is {visible(now.card)}"
+    if (serial_shared or not first.serial) and first.bus and now.bus and first.bus != now.bus:
+        return f"plugged in at {visible(now.bus)}, not {visible(first.bus)}"
+    if (first.width, first.height) != (now.width, now.height):
+        return f"{now.width}×{now.height}, not {first.width}×{first.height}"
+    return ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

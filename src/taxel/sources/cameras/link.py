@@ -23,7 +23,7 @@ import numpy as np
 from taxel.errors import BadSource
 from taxel.signals import Frame
 from taxel.sources.cameras.capture import CameraGiven, CameraRequest, CaptureFactory
-from taxel.sources.cameras.process import FIRST_FRAME_S, OPEN, RUN, CaptureJob
+from taxel.sources.cameras.process import FIRST_FRAME_S, OPEN, RUN, RUN_BY_SOCKET, CaptureJob
 from taxel.sources.cameras.ring import (
     BAD,
     FRAMES,
@@ -100,7 +100,9 @@ class CameraLink:
         self._started_s = 0.0
         self._said = b""
         self._bell = -1
-        self._start(again=False)
+        self._given: CameraGiven | None = None
+        self._serial_shared = False
+        self._start()
 
     @property
     def bell(self) -> int:
@@ -114,11 +116,17 @@ class CameraLink:
             BadSource: It cannot be used, or is not there.
         """
         self._command(OPEN)
-        return CameraGiven(**self._hear("given", _START_S))
+        self._given = CameraGiven(**self._hear("given", _START_S))
+        return self._given
 
-    def begin(self) -> None:
-        """Let the process measure the rate and run."""
-        self._command(RUN)
+    def begin(self, serial_shared: bool = False) -> None:
+        """Let the process measure the rate and run.
+
+        Args:
+            serial_shared: Another camera has the same serial number.
+        """
+        self._serial_shared = serial_shared
+        self._command(RUN_BY_SOCKET if serial_shared else RUN)
 
     def measured(self) -> tuple[float, float]:
         """Return frames and different images a second, once measured.
@@ -139,6 +147,7 @@ class CameraLink:
         if self._bell < 0:
             self._restart()
             return
+        self._listen()  # so that what it says never fills the pipe
         with contextlib.suppress(BlockingIOError):
             while rung := os.read(self._bell, 4096):
                 if len(rung) < 4096:
@@ -176,12 +185,13 @@ class CameraLink:
         self._ring.close()
         os.close(self._ring_fd)
 
-    def _start(self, again: bool) -> None:
+    def _start(self) -> None:
+        """Start the process; where the camera was open before, to get that camera back."""
         self._bell, bell_in = os.pipe()
         os.set_blocking(self._bell, False)
         job = CaptureJob(
             self._request, self._factory, self._ring_fd, self._slot_bytes, bell_in,
-            os.getpid(), again,
+            os.getpid(), self._given, self._serial_shared,
         )  # fmt: skip
         self._process = subprocess.Popen(
             # -P: a folder called taxel where the user stands is not the package.
@@ -196,7 +206,7 @@ class CameraLink:
         self._said = b""
         self._started_s = time.monotonic()
         self._command(pickle.dumps(job))
-        if again:
+        if self._given is not None:
             os.set_blocking(self._stdout, False)
 
     def _restart(self) -> None:
@@ -205,7 +215,7 @@ class CameraLink:
             self._end()
             self._restarted += 1
             self._fitted, self._last_device_s = None, -np.inf
-            self._start(again=True)
+            self._start()
 
     def _end(self) -> None:
         """Close the process's input, which ends it."""

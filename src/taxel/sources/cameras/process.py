@@ -27,10 +27,12 @@ from taxel.errors import BadSource
 from taxel.processes import signal_at_parents_end
 from taxel.sources.cameras.capture import (
     Buffer,
+    CameraGiven,
     CameraGone,
     CameraRequest,
     Capture,
     CaptureFactory,
+    another,
     whole_jpeg,
 )
 from taxel.sources.cameras.ring import (
@@ -56,8 +58,9 @@ _SETTLE, _MEASURE, _MEASURE_S = 5, 25, 1.0
 """Frames let go, then frames and seconds (whichever is first) that the rate is measured over."""
 _RECENT = 31
 """Frames that the running rate is measured over."""
-OPEN, RUN = b"o", b"r"
-"""What the parent says on standard input after the job."""
+OPEN, RUN, RUN_BY_SOCKET = b"o", b"r", b"s"
+"""What the parent says on standard input after the job; the last where another camera has the same
+serial number, so that the socket decides which it is."""
 
 
 @dataclass(frozen=True)
@@ -72,8 +75,10 @@ class CaptureJob:
     """A byte is written here for each frame; never waited for."""
     parent: int
     """Process number of the parent."""
-    again: bool = False
-    """The camera ran before: whatever fails now, go on trying."""
+    first: CameraGiven | None = None
+    """What the camera gave when it first ran, if it did: whatever fails now, go on trying."""
+    serial_shared: bool = False
+    """Another camera has the same serial number."""
 
 
 class CaptureLoop:
@@ -85,8 +90,9 @@ class CaptureLoop:
         self._ring = FrameRing(job.ring_fd, job.slot_bytes)
         self._input = select.poll()
         self._input.register(0, select.POLLIN | select.POLLHUP)
+        self._first, self._serial_shared = job.first, job.serial_shared
         self._open = False
-        self._state = ""
+        self._said = ("", "")
         self._sequence: int | None = None
         self._jpeg = b""
         self._stamps: deque[float] = deque(maxlen=_RECENT)
@@ -95,7 +101,7 @@ class CaptureLoop:
     def run(self) -> None:
         """Do the job: open when asked to, measure, then capture to the end."""
         try:
-            if not self._job.again and not self._connect():
+            if self._first is None and not self._connect():
                 return
             while not self._over(0.0):
                 self._step()
@@ -108,9 +114,12 @@ class CaptureLoop:
         try:
             if sys.stdin.buffer.read(1) != OPEN:
                 return False
-            _say(given=asdict(self._capture.open()))
-            if sys.stdin.buffer.read(1) != RUN:
+            self._first = self._capture.open()
+            _say(given=asdict(self._first))
+            word = sys.stdin.buffer.read(1)
+            if word not in (RUN, RUN_BY_SOCKET):
                 return False
+            self._serial_shared = word == RUN_BY_SOCKET
             rate_hz, images_hz = measure(self._capture, self._over, path)
         except BadSource as error:
             _say(failed=[error.needed, error.got, error.mend])
@@ -127,7 +136,7 @@ class CaptureLoop:
         """Take one buffer, or try to get the device back."""
         try:
             if not self._open:
-                self._capture.open()
+                self._check_same(self._capture.open())
                 self._open, self._sequence = True, None
                 self._stamps.clear()
                 self._heard_s = time.monotonic()
@@ -147,6 +156,12 @@ class CaptureLoop:
         self._heard_s = now_s
         self._report("running", "")
         self._take(found, now_s)
+
+    def _check_same(self, given: CameraGiven) -> None:
+        """Refuse another camera than was first opened, such as two that came back swapped."""
+        assert self._first is not None
+        if what := another(self._first, given, self._serial_shared):
+            raise CameraGone(f"another camera ({what}) is at this address")
 
     def _take(self, found: Buffer, now_s: float) -> None:
         """Count a buffer, and hand it on where it holds a whole image."""
@@ -174,8 +189,8 @@ class CaptureLoop:
         return bool(self._input.poll(wait_s * 1e3)) or os.getppid() != self._job.parent
 
     def _report(self, state: str, why: str) -> None:
-        if state != self._state:
-            self._state = state
+        if (state, why) != self._said:
+            self._said = state, why
             _say(state=state, why=why)
 
 

@@ -92,8 +92,9 @@ class Cameras:
                 self._links.append(CameraLink(number, camera_name, request, factory))
             # One after another, so that the camera for which the bus has no room is named ...
             given = [link.open() for link in self._links]
-            for link in self._links:  # ... and measured side by side, as they will run
-                link.begin()
+            serials = [camera.serial for camera in given]
+            for link, serial in zip(self._links, serials, strict=True):
+                link.begin(serials.count(serial) > 1)  # ... and measured side by side, as they run
             self._cameras = tuple(
                 _info(number, choice, given[number], link.measured())
                 for number, link in enumerate(self._links)
