@@ -61,7 +61,6 @@ class Record:
 
     def run(self) -> None:
         """Record, then print what was recorded and what was lost."""
-        from taxel.sources.boards.ledger import BoardLedger
         from taxel.sources.boards.source import SerialBoards
         from taxel.sources.opening import open_source
 
@@ -89,8 +88,8 @@ class Record:
             return
         say(ledger_line(ledger))
         for board in boards:
-            if losses := BoardLedger(**board).losses():
-                say(f"  {board['path']}: {losses}")
+            if board["losses"]:
+                say(f"  {board['path']}: {board['losses']}")
 
     def _record_plan(self, plan: Path) -> None:
         """Record trial after trial of a plan."""

@@ -88,8 +88,8 @@ class BoardLedger:
         return ", ".join(f"{count} {what}" for what, count in found.items() if count)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain values, for a page or a report."""
-        return asdict(self)
+        """Return it as plain values, for a page or a report, with its losses in words."""
+        return asdict(self) | {"losses": self.losses()}
 
 
 class ClockRate:
