@@ -26,9 +26,13 @@ class Pair:
         gone_s: From when the right camera is silent, seconds.
         back_s: From when it delivers again, seconds.
         every: It delivers one image of so many.
+        empty: So many reads give nothing at first.
     """
 
-    def __init__(self, gone_s: float = np.inf, back_s: float = np.inf, every: int = 1) -> None:
+    def __init__(
+        self, gone_s: float = np.inf, back_s: float = np.inf, every: int = 1, empty: int = 0
+    ) -> None:
+        self._empty = empty
         self.cameras = tuple(
             CameraInfo(name=name, width=32, height=24, rate_hz=RATE_HZ)
             for name in ("left", "right")
@@ -48,6 +52,9 @@ class Pair:
 
     def read(self, timeout_s: float = 0.1) -> Samples:
         del timeout_s
+        if self._empty:
+            self._empty -= 1
+            return Samples.empty(0)
         self.now_s = self._count / RATE_HZ
         right = not self._gone_s <= self.now_s < self._back_s and self._count % self._every == 0
         self._given = [
@@ -110,8 +117,10 @@ def test_a_camera_far_below_its_rate_cannot_show_that_a_grasp_is_still(tmp_path:
     assert pair.now_s == pytest.approx(10.0, abs=0.11)
 
 
-def test_with_both_cameras_there_a_trial_is_recorded(tmp_path: Path):
-    found = recorded(Pair(), tmp_path)
+@pytest.mark.parametrize("empty", [0, 1, 3])
+def test_with_both_cameras_there_a_trial_is_recorded(empty: int, tmp_path: Path):
+    """Also where the first reads give nothing, as just after cameras are opened."""
+    found = recorded(Pair(empty=empty), tmp_path)
 
     assert found is not None
     assert found.frames == 80

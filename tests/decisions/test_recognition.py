@@ -103,8 +103,8 @@ def test_unknown_windows_do_not_vote() -> None:
     assert vote.add(at("a", [0.6, 0.4], 0.1))[0] == "a"
 
 
-def faulty(start: float, end: float) -> Decision:
-    quality = Quality(usable=0.5, span_s=(start, end))
+def faulty(start: float, end: float, usable: float = 0.5) -> Decision:
+    quality = Quality(usable=usable, span_s=(start, end))
     return decide(np.array([0.9, 0.1], np.float32), quality, CLASSES, RecogniseConfig())
 
 
@@ -117,6 +117,33 @@ def test_a_contact_of_which_nothing_is_measured_for_longer_than_a_pause_is_over(
     assert vote.add(faulty(0.5, 0.7))[0] == UNKNOWN
     assert vote.windows == 0
     assert vote.add(at("b", [0.4, 0.6], 0.8)) == ("b", pytest.approx(0.6))
+
+
+def test_a_single_missing_row_ends_no_contact_however_long_the_windows() -> None:
+    """It makes all windows of 1 s unusable that hold it, and no window that does not."""
+    vote = GraspVote(CLASSES, gap_s=0.2)
+    for start in (0.0, 0.1, 0.2):
+        vote.add(Decision("a", 0.9, np.array([0.9, 0.1], np.float32), "", start, start + 1.0))
+    for number in range(10):
+        assert vote.add(faulty(0.3 + 0.1 * number, 1.3 + 0.1 * number, 0.99))[0] == "a"
+    assert vote.add(faulty(1.4, 2.4, 0.99))[0] == UNKNOWN  # it shares no row with the first
+
+
+def test_windows_without_any_value_end_a_contact_after_a_pause_at_once() -> None:
+    vote = GraspVote(CLASSES, gap_s=0.2)
+    vote.add(Decision("a", 0.9, np.array([0.9, 0.1], np.float32), "", 0.0, 1.0))
+    assert vote.add(faulty(0.1, 1.1, 0.9))[0] == "a"
+    assert vote.add(faulty(0.5, 1.19, 0.0))[0] == "a"
+    assert vote.add(faulty(0.6, 1.3, 0.0))[0] == UNKNOWN
+    assert vote.add(faulty(0.7, 1.4, 0.9))[0] == UNKNOWN  # still
+
+
+def test_where_a_mark_says_what_belongs_together_no_pause_parts_it() -> None:
+    vote = GraspVote(CLASSES, gap_s=0.5).emptied()
+    vote.add(at("a", [0.9, 0.1], 0.0))
+    vote.add(faulty(5.0, 9.0, 0.0))
+    assert vote.add(at("a", [0.9, 0.1], 20.0))[0] == "a"
+    assert vote.windows == 2
 
 
 def test_short_faults_in_a_row_of_good_windows_end_no_contact() -> None:

@@ -154,10 +154,11 @@ def test_a_sensor_that_is_gone_is_unknown_and_the_outage_is_in_the_summary(tmp_p
 
 def test_rows_of_another_rate_than_in_training_are_in_the_summary(tmp_path: Path):
     """Where rows are taken as they come: on a grid they are brought to its rate."""
-    slow = Samples.from_values(touch(300).values, np.arange(300) / 50.0, full_scale=3.3)
+    slow = Samples.from_values(touch(600).values, np.arange(600) / 50.0, full_scale=3.3)
+    parts = [(slow[first : first + 20], []) for first in range(0, 600, 20)]
     for grid, count in ((None, 1), (100.0, 0)):
         made = bundle(tmp_path, WindowConfig(steps=STEPS, stride=STEPS, grid_hz=grid))
-        (tally,) = run_session(Given([(slow, [])]), [Recogniser(made, SENSOR, ANY)])  # type: ignore[arg-type]
+        (tally,) = run_session(Given(list(parts)), [Recogniser(made, SENSOR, ANY)])  # type: ignore[arg-type]
         assert len(tally.summary()["rate_changes"]) == count
 
 

@@ -142,6 +142,15 @@ def test_bytes_that_are_no_text_are_no_header():
     assert names_of(b"F\xff,b") == []
 
 
+def test_a_damaged_line_of_a_single_column_is_a_lost_scan():
+    """One damaged field alone might be a name."""
+    stream = start("1")
+    (before,) = come(stream, "1\n")
+    (after,) = come(stream, "x40\n4\n")
+    assert after.seq[0] - before.seq[0] == 2
+    assert (stream.ledger.lost, stream.ledger.bad["line"]) == (1, 1)
+
+
 def test_a_header_that_is_printed_again_is_no_lost_scan():
     stream = CsvStream("here")
     stream.feed([Chunk(0.0, b"\ns1,s2,s3\n")])

@@ -236,7 +236,8 @@ def _settle(
     first_s, begun_s = np.inf, np.inf
     while not stopped():
         samples, frames = listening.read()
-        begun_s = min(begun_s, listening.newest_s)
+        if listening.newest_s > -np.inf:  # the first read may give nothing
+            begun_s = min(begun_s, listening.newest_s)
         if len(samples):
             settling.samples.append(samples)
         for frame in frames:

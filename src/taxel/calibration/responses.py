@@ -265,7 +265,7 @@ def _crossing(rising: NDArray[np.float64], level: float) -> float:
 
 
 def _fall_s(own: NDArray[np.float64], peak: int, rate_hz: float) -> float:
-    """Return the time constant from 95 to 60 % of the peak, seconds; NaN where it is the release.
+    """Return the time constant from 95 to 60 % of the peak, seconds; NaN where that is the release.
 
     A force that stays cannot be seen. The fall is taken for the signal's own where it is over in
     the first half of the touch, or where what comes behind it is much steeper: the release.

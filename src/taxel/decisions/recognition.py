@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,8 @@ class Decision:
     usable: bool = True
     """False where nothing was measured by which to answer: values are missing, a channel stands at
     the converter's limit, or the model gave NaN."""
+    empty: bool = False
+    """True where none of its values may be used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,8 +119,9 @@ def decide(
     label = UNKNOWN if reason else classes[best]
     start_s, end_s = quality.span_s
     return Decision(
-        label, confidence, probabilities, reason, start_s, end_s, novelty, quality.filled, usable
-    )
+        label, confidence, probabilities, reason, start_s, end_s, novelty, quality.filled, usable,
+        empty=not quality.usable + quality.filled > 0,
+    )  # fmt: skip
 
 
 def unlike(p: float) -> str:
@@ -139,6 +142,35 @@ def _fault(
     if saturated > config.most_saturated:
         return "a channel stands at the converter's limit"
     return ""
+
+
+class FaultWatch:
+    """Follows decisions, and says when for too long none of them was of a usable window.
+
+    A single row that is missing makes all windows unusable that hold it. So one that shares no row
+    with the first unusable one must have come, or one without any value.
+
+    Args:
+        gap_s: Longest pause within a contact, seconds.
+    """
+
+    def __init__(self, gap_s: float) -> None:
+        self._gap_s = gap_s
+        self._good_s: float | None = None
+        self._over = False
+        self.first: Decision | None = None
+        """The first unusable window since a usable one; None where the newest is usable."""
+
+    def look(self, decision: Decision) -> bool:
+        """Take in one decision; return whether nothing usable has been measured for too long."""
+        if decision.usable:
+            self._good_s, self.first, self._over = decision.end_s, None, False
+            return False
+        first = self.first = self.first or decision
+        since_s = first.start_s if self._good_s is None else self._good_s
+        apart = decision.empty or decision.start_s > first.end_s
+        self._over = self._over or (apart and decision.end_s - since_s > self._gap_s)
+        return self._over
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +217,7 @@ class GraspVote:
         self._test = test
         self._joining = joining
         self._most = most
+        self._faults = FaultWatch(gap_s)
         self.over()
 
     @property
@@ -201,7 +234,7 @@ class GraspVote:
         """Return such a vote in which no window has voted, and all will: somebody else says
         where a contact begins and ends.
         """
-        return GraspVote(self.classes, self._gap_s, self._test, self._joining)
+        return GraspVote(self.classes, inf, self._test, self._joining)
 
     def over(self) -> None:
         """End the contact: what comes next belongs to another."""
@@ -215,8 +248,9 @@ class GraspVote:
 
     def add(self, decision: Decision) -> tuple[str, float]:
         """Take in one decision; return the contact's answer so far and its confidence, 0…1."""
-        since_s = decision.start_s if decision.usable else decision.end_s
-        if self._end_s is not None and since_s - self._end_s > self._gap_s:
+        end_s = self._end_s
+        paused = end_s is not None and decision.start_s - end_s > self._gap_s
+        if self._faults.look(decision) or paused:
             self.over()
         if decision.usable:
             self._end_s = decision.end_s
@@ -245,8 +279,9 @@ class GraspVote:
             self._latest.append(window)
             if len(self._latest) > self._most:
                 self._tally(self._latest.popleft(), -1)
-        if self._test is not None and self._tested + self._unmeasured:
-            self.p_known = self._p_contact(self._test)
+        if self._test is not None:
+            tested = self._tested + self._unmeasured
+            self.p_known = self._p_contact(self._test) if tested else float("nan")
 
     def _tally(self, window: _Window, times: int) -> None:
         """Add a window to the sums, or take it out again (times = −1)."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from taxel.decisions.recognition import Decision
+from taxel.decisions.recognition import Decision, FaultWatch
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,26 +33,23 @@ class Outage:
 class OutageWatch:
     """Follows decisions, and reports where an outage begins and ends.
 
+    It begins when the contact is over for it, as `GraspVote` has it.
+
     Args:
-        gap_s: Longest pause within a contact, seconds: what is shorter is no outage.
+        gap_s: Longest pause within a contact, seconds.
     """
 
     def __init__(self, gap_s: float) -> None:
-        self._gap_s = gap_s
+        self._faults = FaultWatch(gap_s)
         self._now: Outage | None = None
-        self._reported = False
 
     def look(self, decision: Decision) -> Outage | None:
         """Take in one decision; return the outage that it shows to have begun, or to be over."""
-        now = self._now
+        over, now, first = self._faults.look(decision), self._now, self._faults.first
         if decision.usable:
             self._now = None
-            over = now is not None and self._reported
-            self._reported = False
-            return replace(now, end_s=decision.start_s) if over and now is not None else None
-        if now is None:
-            now = self._now = Outage(decision.start_s, decision.reason)
-        if self._reported or not decision.end_s - now.start_s > self._gap_s:
+            return None if now is None else replace(now, end_s=decision.start_s)
+        if not over or now is not None or first is None:
             return None
-        self._reported = True
-        return now
+        self._now = Outage(first.start_s, first.reason)
+        return self._now

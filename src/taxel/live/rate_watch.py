@@ -7,7 +7,6 @@ Background of our choices: docs/decisions/0010.
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +14,14 @@ import numpy as np
 from taxel.signals import Samples
 from taxel.windows.config import MOST_RATE_CHANGE
 
-_ROWS = 65
-"""Periods that are looked at, an odd number: most of them must be of another rate.
-Source: our choice, docs/decisions/0010."""
+_ROWS, _SPAN_S = 65, 2.0
+"""Least rows and time that a rate is measured over; the same again must agree before a change is
+reported. Source: our choice, docs/decisions/0010."""
+_PAUSE_S, _PAUSE_PERIODS = 0.1, 5.0
+"""A longer pause between two rows, in seconds and in periods of training, is not counted: lines
+may come in lumps, trials with pauses. Source: our choice, docs/decisions/0010."""
+_BACK = 1.2
+"""A rate fits again within this factor: one at the limit is reported once. Our choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +34,8 @@ class RateChange:
     """Rows a second now."""
     trained_hz: float
     """Rows a second of the training recordings."""
-
-    @property
-    def fits(self) -> bool:
-        """True where the bundle's rows come as often again."""
-        ratio = self.rate_hz / self.trained_hz
-        return 1 / MOST_RATE_CHANGE <= ratio <= MOST_RATE_CHANGE
+    fits: bool
+    """True where rows come as often as in training again."""
 
     def words(self) -> str:
         """In a few words, for a person."""
@@ -48,7 +48,7 @@ class RateChange:
 
 
 class RateWatch:
-    """Looks at the median period of the latest rows, and reports where it no longer fits.
+    """Measures how often rows come, and reports where that no longer fits.
 
     Args:
         rate_hz: Rows a second of the training recordings.
@@ -56,22 +56,35 @@ class RateWatch:
 
     def __init__(self, rate_hz: float) -> None:
         self._rate_hz = rate_hz
-        self._times_s: deque[float] = deque(maxlen=_ROWS + 1)
-        self._fits = True
+        self._most_s = max(_PAUSE_S, _PAUSE_PERIODS / rate_hz)
+        self._last_s: float | None = None
+        self._rows, self._span_s = 0, 0.0
+        self._fits, self._doubts = True, 0
         self._found: list[RateChange] = []
 
     def look(self, samples: Samples) -> None:
         """Take in rows of the stream."""
-        self._times_s.extend(samples.fitted_s.tolist())
-        if not len(samples) or len(self._times_s) <= _ROWS:
+        if not len(samples):
             return
-        period_s = float(np.median(np.diff(np.array(self._times_s))))
-        if period_s <= 0:
-            return
-        change = RateChange(self._times_s[-1], 1.0 / period_s, self._rate_hz)
-        if change.fits != self._fits:
-            self._fits = change.fits
-            self._found.append(change)
+        times_s = samples.fitted_s
+        periods_s = np.diff(times_s if self._last_s is None else np.r_[self._last_s, times_s])
+        self._last_s = float(times_s[-1])
+        counted = (periods_s >= 0) & (periods_s <= self._most_s)
+        self._rows += int(counted.sum())
+        self._span_s += float(periods_s[counted].sum())
+        if self._rows >= _ROWS and self._span_s >= _SPAN_S:
+            self._weigh(self._rows / self._span_s)
+            self._rows, self._span_s = 0, 0.0
+
+    def _weigh(self, rate_hz: float) -> None:
+        """Look at the rate of one span; the second that does not fit what was said is reported."""
+        most = MOST_RATE_CHANGE if self._fits else _BACK
+        fits = 1 / most <= rate_hz / self._rate_hz <= most
+        self._doubts = 0 if fits == self._fits else self._doubts + 1
+        if self._doubts == 2:
+            self._fits, self._doubts = fits, 0
+            assert self._last_s is not None
+            self._found.append(RateChange(self._last_s, rate_hz, self._rate_hz, fits))
 
     def take(self) -> list[RateChange]:
         """Return what was found since the last call, oldest first."""

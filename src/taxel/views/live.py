@@ -99,7 +99,9 @@ class LiveView:
         style = "bold red" if label == UNKNOWN else "bold green" if sure else "bold yellow"
         lines.append(f"{visible(contract.target)}: ")
         lines.append(f"{visible(label):<12}", style=style)
-        lines.append(f"{confidence:4.0%} over {tally.vote.windows} windows of this contact\n")
+        of = "of this contact" if contract.window.gate is not None else "joined"
+        sure_words = f"{confidence:4.0%} over " if np.isfinite(confidence) else ""
+        lines.append(f"{sure_words}{tally.vote.windows} windows {of}\n")
         if tally.action:
             lines.append(f"  → {visible_line(tally.action)}\n", style="bold")
         for name, p in zip(contract.classes, latest.decision.probabilities, strict=True):
@@ -109,6 +111,10 @@ class LiveView:
             lines.append(f"  {visible_line(latest.decision.reason)}\n", style="red")
         if tally.gate_moves:
             lines.append(f"  {visible_line(tally.gate_moves[-1].words())}\n", style="yellow")
+        if tally.outages and tally.outages[-1].end_s is None:
+            lines.append(f"  {visible_line(tally.outages[-1].words())}\n", style="bold red")
+        if tally.rate_changes and not tally.rate_changes[-1].fits:
+            lines.append(f"  {visible_line(tally.rate_changes[-1].words())}\n", style="bold yellow")
         for still in tally.still_channels:
             lines.append(f"  {visible_line(still.words())}\n", style="bold yellow")
         lines.append(

@@ -288,7 +288,7 @@ def recogniser(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> Rig:
     monkeypatch.setattr(inference, "Recogniser", Recogniser)
     contract = SimpleNamespace(
         target="shape", classes=("ball", "cube"), joining=MEAN,
-        window=SimpleNamespace(max_gap_s=0.5),
+        window=SimpleNamespace(max_gap_s=0.5, pad=False),
     )  # fmt: skip
     made = SimpleNamespace(contract=contract, novelty_test=None)
     monkeypatch.setattr(inference, "read_bundle", lambda *_, **__: made)
@@ -338,7 +338,7 @@ def test_input_that_cannot_be_used_is_news_and_ends_the_answer(recogniser: Rig):
     """A board that is gone is not answered for by what it sent before."""
     recogniser.take(scans(0.1))
     fault = Decision(UNKNOWN, np.nan, np.full(2, np.nan, np.float32), "all missing", 0.2, 0.9,
-                     usable=False)  # fmt: skip
+                     usable=False, empty=True)  # fmt: skip
     recogniser.watcher._send(SimpleNamespace(decision=fault), {})
     news, note = recogniser.notes()
     assert news["text"] == "shape: no usable values: all missing; the answer is UNKNOWN"

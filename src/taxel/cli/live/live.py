@@ -228,7 +228,8 @@ class Live:
             for still in result["still_channels"]:
                 say(f"  warning: {still['time_s']:.1f} s: {still['text']}", style="yellow")
             for change in result["rate_changes"]:
-                say(f"  warning: {change['time_s']:.1f} s: {change['text']}", style="yellow")
+                warning = "" if change["fits"] else "warning: "
+                say(f"  {warning}{change['time_s']:.1f} s: {change['text']}", style="yellow")
             for outage in result["outages"]:
                 say(f"  warning: {_outage_words(outage)}", style="yellow")
             if result["windows"]:

@@ -236,7 +236,7 @@ class _RecogniseWatcher:
         contract = bundle.contract
         self._vote = self._recogniser.new_vote()
         self._outages = OutageWatch(contract.window.max_gap_s)
-        self._target = contract.target
+        self._target, self._padded = contract.target, contract.window.pad
         self._writer = writer
         self.what = {"kind": "answer", "who": self._who, "bundle": str(path),
                      "target": contract.target, "classes": list(contract.classes)}  # fmt: skip
@@ -244,7 +244,8 @@ class _RecogniseWatcher:
     def take(self, packets: list[Packet], came: _Came, pulse: Pulse) -> None:
         """Answer each window that the scans complete."""
         for packet in packets:
-            if _ends_grasp(packet) or _asks(packet, "new grasp"):
+            # A padded window of a grasp comes after its mark, and is still of that contact.
+            if (_ends_grasp(packet) and not self._padded) or _asks(packet, "new grasp"):
                 self._vote.over()
             if not isinstance(packet, Samples):
                 continue

@@ -140,7 +140,7 @@ class CsvStream:
             numbers = numbers_of(line)
             if not self.ready:
                 self._watch(numbers, line, arrival_s)
-            elif numbers is None and (names_of(line) or not _DIGIT.search(line)):
+            elif numbers is None and (self._is_header(line) or not _DIGIT.search(line)):
                 self._bad["text"] += 1
             else:
                 self._seq += 1
@@ -150,6 +150,11 @@ class CsvStream:
                     rows.append((self._seq, numbers))
         rows = self._credible(rows, arrival_s)
         return self._scans(rows, arrival_s) if rows else []
+
+    def _is_header(self, line: bytes) -> bool:
+        """Return whether it is the line of names once more."""
+        names = names_of(line)
+        return bool(names) and names == self._header[0]
 
     def _lose(self, why: str) -> None:
         self._bad[why] += 1

@@ -1,0 +1,61 @@
+"""What befalls the input is on the screen while it lasts."""
+
+import io
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from taxel.decisions.recognition import GraspVote, Quality, RecogniseConfig, decide
+from taxel.live.outages import Outage
+from taxel.live.rate_watch import RateChange
+from taxel.live.session import Tally
+from taxel.signals import SensorInfo
+from taxel.views.live import LiveView
+
+CLASSES = ("hard", "soft")
+OUTAGE = Outage(1.0, "10% of the values are missing, stale or NaN")
+SLOW = RateChange(3.0, 50.0, 100.0, fits=False)
+
+
+def screen(tally: Tally, gate: float | None = None) -> str:
+    """What is drawn of a tally whose newest window was hard."""
+    contract = SimpleNamespace(target="object", classes=CLASSES, window=SimpleNamespace(gate=gate))
+    recogniser = SimpleNamespace(bundle=SimpleNamespace(contract=contract))
+    info = SensorInfo(name="t", channels=("a",), units=("V",), rate_hz=100.0)
+    decision = decide(np.array([0.9, 0.1], np.float32), Quality(), CLASSES, RecogniseConfig())
+    tally.grasp_answer = tally.vote.add(decision)
+    tally.latest = cast("Any", SimpleNamespace(decision=decision, latency_s=1e-4))
+    console = Console(file=io.StringIO(), width=120)
+    view = LiveView(console, info, [cast("Any", recogniser)])
+    console.print(view._answer(0, tally))
+    return cast("io.StringIO", console.file).getvalue()
+
+
+@pytest.mark.parametrize(
+    ("outages", "rates", "words"),
+    [
+        ([OUTAGE], [], "no usable values: 10% of the values are missing"),
+        ([], [SLOW], "rows come at 50 Hz, in training at 100 Hz: do not trust the answers"),
+    ],
+)
+def test_an_outage_and_another_rate_are_shown_while_they_last(
+    outages: list[Outage], rates: list[RateChange], words: str
+) -> None:
+    tally = Tally("object", GraspVote(CLASSES, 0.8), outages=outages, rate_changes=rates)
+    assert words in screen(tally)
+    over = Tally(
+        "object", GraspVote(CLASSES, 0.8), outages=[replace(each, end_s=2.0) for each in outages],
+        rate_changes=[replace(each, fits=True) for each in rates],
+    )  # fmt: skip
+    assert words not in screen(over)
+
+
+@pytest.mark.parametrize(
+    ("gate", "words"), [(None, "windows joined"), (1.0, "windows of this contact")]
+)
+def test_without_a_gate_nothing_is_said_of_a_contact(gate: float | None, words: str) -> None:
+    assert f"90% over 1 {words}" in screen(Tally("object", GraspVote(CLASSES, 0.8)), gate)
