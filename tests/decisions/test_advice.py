@@ -80,3 +80,8 @@ def test_of_a_new_grasp_nothing_is_said_yet() -> None:
 def test_nothing_is_said_from_the_beginning_on() -> None:
     given = Adviser().given
     assert (given.advice, given.since_s) == (Advice.NOTHING, 0.0)
+
+
+def test_what_raises_and_what_is_at_its_limit_are_named() -> None:
+    with pytest.raises(TypeError):
+        advise(Stability.WARNING, True, False)  # type: ignore[misc]

@@ -7,6 +7,7 @@ from taxel.decisions.joining import Joining
 from taxel.decisions.recognition import (
     UNKNOWN,
     Decision,
+    FaultWatch,
     GraspVote,
     Quality,
     RecogniseConfig,
@@ -237,3 +238,13 @@ def test_an_emptied_vote_asks_the_same_of_another_contact() -> None:
 
     assert (other.windows, other.classes, vote.windows) == (0, CLASSES, 1)
     assert other.add(at("b", [0.4, 0.6], 0.0)) == ("b", pytest.approx(0.6))
+
+
+def test_a_fault_counts_from_its_first_window_where_nothing_was_usable_before() -> None:
+    watch = FaultWatch(0.5)
+    found = [watch.look(faulty(start, start + 0.1, 0.0)) for start in (0.0, 0.2, 0.4, 0.6)]
+    assert found == [False, False, False, True]
+    assert watch.first is not None
+    assert watch.first.start_s == 0.0
+    assert not watch.look(at("a", [0.9, 0.1], 0.8))
+    assert watch.first is None

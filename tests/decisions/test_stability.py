@@ -284,3 +284,14 @@ def test_the_same_moment_again_is_no_evidence() -> None:
         decision = monitor.push(0.9, 0.0)
     assert decision.state is UNKNOWN
     assert monitor.push(0.9, 0.0, now_s=0.151).reason == REASONS["old"].say(age_s=0.151)
+
+
+def test_the_numbers_of_states_are_those_that_arrays_hold() -> None:
+    assert [int(state) for state in Stability] == [0, 1, 2, 3, 4]
+
+
+def test_a_second_frame_of_the_same_moment_is_no_clock_that_was_set_back() -> None:
+    """Also where the first could not be used."""
+    monitor = StabilityMonitor(CONFIG)
+    monitor.push(0.1, 5.0, usable=False)
+    assert monitor.push(0.1, 5.0).reason != REASONS["time stepped back"].say()

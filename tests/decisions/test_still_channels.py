@@ -178,7 +178,7 @@ def test_of_each_trials_windows_those_are_looked_at_that_do_not_overlap() -> Non
     starts_s = np.array([0.2, 0.0, 0.05, 0.1, 0.0, 0.3])
     trial = np.array([0, 0, 0, 0, 1, 1])
     mask = np.ones((6, STEPS), bool)
-    mask[5, 1:] = False  # a single row
+    mask[5, 1:], mask[4, 2:] = False, False  # a single row; two
     values = np.zeros((6, STEPS, 2), np.float32)
     none = np.zeros(6, np.float32)
     windows = Windows(values, mask, none + 1, none, starts_s, starts_s + 0.09)
@@ -190,3 +190,14 @@ def test_figures_of_training_are_compared_by_identity() -> None:
     own = motion()
     assert own == own
     assert own != motion()
+
+
+def test_a_range_far_below_the_usual_one_is_no_change() -> None:
+    small = replace(motion(), usual=np.array([1.0, 1e-3]))
+    ranges = np.array([[5e-6, 5e-6], [2e-5, 5e-9]])
+    assert small.unchanged(ranges).tolist() == [[True, False], [False, True]]
+
+
+def test_a_channel_that_never_changed_in_training_does_not_make_a_window_move() -> None:
+    rest = replace(motion(), usual=np.array([1.0, 0.0]))
+    assert watched([window(n, (0.0, 0.0)) for n in range(50)], rest) == []
