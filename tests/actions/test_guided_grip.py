@@ -50,6 +50,15 @@ class Bus(SimGripper):
         return before
 
 
+def connected() -> tuple[ManualClock, Bus, GripperActuator]:
+    """A gripper of 50 N at most that answers."""
+    clock = ManualClock(5.0)
+    bus = Bus(clock)
+    actuator = GripperActuator("gripper", bus, ForceRange(max_n=50.0))
+    bus.connect()
+    return clock, bus, actuator
+
+
 @pytest.mark.parametrize("closing_s", [0.05, 0.5, 2.0])
 def test_each_force_is_there_when_it_is_reported(closing_s: float):
     rig = Rig(closing_s=closing_s)
@@ -85,10 +94,7 @@ def test_a_status_from_before_the_order_does_not_count():
 
 
 def test_a_cable_without_answers_ends_in_one_line_after_five_seconds():
-    clock = ManualClock(5.0)
-    bus = Bus(clock)
-    actuator = GripperActuator("gripper", bus, ForceRange(max_n=50.0))
-    bus.connect()
+    clock, bus, actuator = connected()
     set_grip(actuator, trial("50"), clock)
     bus.cut, began_s = True, clock.now_s()
 
@@ -98,10 +104,7 @@ def test_a_cable_without_answers_ends_in_one_line_after_five_seconds():
 
 
 def test_a_gripper_that_keeps_its_old_force_is_refused():
-    clock = ManualClock(5.0)
-    bus = Bus(clock)
-    actuator = GripperActuator("gripper", bus, ForceRange(max_n=50.0))
-    bus.connect()
+    clock, bus, actuator = connected()
     set_grip(actuator, trial("25"), clock)
     bus.deaf = True
 
