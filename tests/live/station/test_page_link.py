@@ -239,6 +239,30 @@ def test_a_monitors_probability_is_drawn_where_it_was_measured(make: Any):
     assert rig.view.traces(3.0)["probability"]["t"] == [1.0, 2.0]  # another clock: all anew
 
 
+def test_no_line_is_drawn_across_what_was_not_read_while_no_page_was_open(make: Any):
+    """A ring keeps the newest alone; what it has overwritten is a gap in both traces."""
+    rig = make((HAND, ()))
+
+    def write(first: int, count: int) -> None:
+        for number in range(first, first + count):
+            time_s = number / 100.0
+            rig.monitor.put(pack({"kind": "grasp", "time_s": time_s, "p": 0.2}))
+            rig.to[0].put(pack(Samples.from_values(np.ones((1, 2)), np.array([time_s]))))
+
+    write(0, 20)
+    before = rig.view.traces(-math.inf)
+    write(20, 20_000)
+    after = rig.view.traces(before["time_s"])
+    for name, values in (
+        ("probability", lambda trace: trace["p"]), ("sensors", lambda trace: trace["values"][0]),
+    ):  # fmt: skip
+        assert not np.isnan(values(before[name])).any()
+        t, found = np.array(after[name]["t"]), np.array(values(after[name]))
+        jump = int(np.diff(t).argmax())
+        assert np.diff(t)[jump] > 1.0
+        assert np.flatnonzero(np.isnan(found)).tolist() == [jump]
+
+
 def test_a_trace_of_scores_holds_no_probability(make: Any):
     rig = make((NONE, (LEFT,)))
     rig.supervisor.put(pack({"time_s": 0.5, "scored": True}))

@@ -39,6 +39,8 @@ _POINTS_HZ = 50
 _ANSWER_S = 3.0
 """How long a request may take until it is known to be fulfilled, seconds. Our choice."""
 _TINY_S = 1e-6
+_EVERY = max(1, round(1 / _ROW_S / _POINTS_HZ))
+"""Rows of which a trace shows one."""
 _DEPTH_S = 0.2
 """How often a depth image is drawn in colours: that takes some milliseconds. Our choice."""
 
@@ -78,6 +80,13 @@ class _Array:
     rows: deque[tuple[float, list[float]]] = field(
         default_factory=lambda: deque(maxlen=round(_KEPT_S / _ROW_S))
     )
+
+    def lack(self) -> None:
+        """Break the trace: what came since its last row was not read."""
+        if self.rows:
+            time_s, values = self.rows[-1]
+            for number in range(1, _EVERY + 1):  # as many as a trace leaves out
+                self.rows.append((time_s + number * _TINY_S, [math.nan] * len(values)))
 
     def add(self, samples: Samples) -> None:
         """Keep rows that are a grid's step apart; what is not usable is a gap."""
@@ -167,7 +176,7 @@ class StationView:
             newest_s = max(newest_s, self._p[-1][0])
         after_s = -math.inf if since_s > newest_s else since_s
         chances = [(t, p) for t, p in self._p if t > after_s]
-        kept = [row for row in rows if row[0] > after_s][:: max(1, round(1 / _ROW_S / _POINTS_HZ))]
+        kept = [row for row in rows if row[0] > after_s][::_EVERY]
         columns = zip(*(values for _, values in kept), strict=True) if kept else ()
         return {
             "time_s": newest_s,
@@ -238,7 +247,12 @@ class StationView:
             self._follow(number, reader, first)
             first += len(seen.cameras)
         for reader in self._decisions:
-            for content in reader.take():
+            lost, came = reader.lost, reader.take()
+            # While no page is open nothing is read, and a ring keeps the newest alone: no line is
+            # drawn across what is not known.
+            if reader.lost > lost and self._p:
+                self._p.append((self._p[-1][0] + _TINY_S, math.nan))
+            for content in came:
                 note = unpack(content)
                 if isinstance(note, dict) and self._draws(note):
                     p = note.get("p")
@@ -250,7 +264,10 @@ class StationView:
         return note.get("kind") == "grasp" and "time_s" in note and alike
 
     def _follow(self, number: int, reader: RingReader, first_camera: int) -> None:
-        for content in reader.take():
+        lost, came = reader.lost, reader.take()
+        if reader.lost > lost and self._array is not None and number == self._array_at:
+            self._array.lack()
+        for content in came:
             packet = unpack(content)
             if isinstance(packet, Frame):
                 camera = first_camera + packet.camera
