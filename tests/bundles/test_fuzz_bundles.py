@@ -16,7 +16,8 @@ from mutations import changed_bytes, changed_json, changed_npy
 
 from taxel.bench.faults.hostile_files import members_of, sealed, zipped
 from taxel.bundles.contract import Contract
-from taxel.bundles.grasp import is_grasp_bundle, read_grasp_bundle, read_grasp_contract
+from taxel.bundles.envelope import is_grasp_bundle
+from taxel.bundles.grasp import read_grasp_bundle, read_grasp_contract
 from taxel.bundles.reader import read_bundle, read_contract
 from taxel.bundles.shipped import shipped_bundle
 from taxel.bundles.versions import history_path, read_history

@@ -12,6 +12,7 @@ import pytest
 
 from taxel.bundles.envelope import (
     FIRST_WORDS,
+    is_grasp_bundle,
     is_signed,
     kind_of,
     pack,
@@ -19,7 +20,7 @@ from taxel.bundles.envelope import (
     signed_file,
     unpack,
 )
-from taxel.bundles.grasp import is_grasp_bundle, read_grasp_bundle
+from taxel.bundles.grasp import read_grasp_bundle
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.bundles.signing import fingerprint, new_key, read_key, read_trust
 from taxel.cli.main import main

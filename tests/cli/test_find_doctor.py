@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from taxel.cli.devices import doctor, find
+from taxel.cli.extras import Extra
 from taxel.cli.main import main
 from taxel.errors import BadSource, MissingExtra
 from taxel.sources.cameras import realsense_device
@@ -171,7 +172,7 @@ def test_doctor_says_all_checks_as_json_and_ends_well_here(tmp_path, capsys, mon
 def test_optional_things_that_are_missing_do_not_fail(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(doctor, "FREE_BYTES", 1 << 20)
     monkeypatch.setattr(doctor, "SHARED_BYTES", 1 << 20)
-    monkeypatch.setitem(doctor.EXTRAS, "gripper", (("no_such_package",), "a gripper"))
+    monkeypatch.setitem(doctor.EXTRAS, "gripper", Extra(("no_such_package",), "a gripper"))
     main(["doctor", "--output", str(tmp_path)])
     said = capsys.readouterr().out
 

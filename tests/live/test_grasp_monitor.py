@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from taxel.bundles.engine import open_engine
+from taxel.bundles.envelope import is_grasp_bundle
 from taxel.bundles.grasp import (
     GraspBundle,
     GraspContract,
     contract_from_json,
     contract_to_json,
-    is_grasp_bundle,
     read_grasp_bundle,
     write_grasp_bundle,
 )

@@ -88,6 +88,16 @@ def kind_of(path: Path) -> BundleKind | None:
     return None
 
 
+def is_grasp_bundle(path: Path) -> bool:
+    """Return whether a file is a grasp bundle; False where it cannot be read."""
+    return kind_of(path) == "grasp"
+
+
+def is_trial_bundle(path: Path) -> bool:
+    """Return whether a file is a bundle of camera trials; False where it cannot be read."""
+    return kind_of(path) == "trials"
+
+
 def signed(bundle: bytes, signer: Signer) -> bytes:
     """Return a whole bundle's bytes with a signature, in the place of an older one if any."""
     line, _, body = bundle.partition(b"\n")

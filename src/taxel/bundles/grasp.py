@@ -31,7 +31,6 @@ from taxel.bundles.engine import (
 from taxel.bundles.envelope import (
     damaged,
     from_npy,
-    kind_of,
     pack,
     to_npy,
     unpack,
@@ -160,11 +159,6 @@ class GraspBundle:
         if not np.isfinite(window).all():
             return math.nan
         return float(self.head.run(features=window[None])[0])
-
-
-def is_grasp_bundle(path: Path) -> bool:
-    """Return whether a file is a grasp bundle; False where it cannot be read."""
-    return kind_of(path) == "grasp"
 
 
 def write_grasp_bundle(

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import LARGEST_DIFFERENCE, RATE_RANGE
 from taxel.bundles.engine import Engine, largest_difference, open_engine
-from taxel.bundles.envelope import from_npy, kind_of, pack, to_npy, unpack
+from taxel.bundles.envelope import from_npy, pack, to_npy, unpack
 from taxel.bundles.model_check import check_model
 from taxel.bundles.model_trial import Trial, try_models
 from taxel.bundles.signing import Trust
@@ -119,11 +119,6 @@ class TrialBundle:
         """
         output = self.model.run(rows=rows).astype(np.float64)
         return output[:, :-1], output[:, -1]
-
-
-def is_trial_bundle(path: Path) -> bool:
-    """Return whether a file is such a bundle; False where it cannot be read."""
-    return kind_of(path) == "trials"
 
 
 def trial_bundle_bytes(

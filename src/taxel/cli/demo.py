@@ -7,6 +7,7 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from taxel.cli.extras import need_extra
 from taxel.cli.printing import command, console, progress, say
 from taxel.errors import BadInput
 
@@ -39,6 +40,9 @@ class Demo:
         """Run all steps."""
         if self.seconds is not None and not self.seconds >= 0:
             raise BadInput("--seconds of at least 0", f"{self.seconds:g}", "give a longer time")
+        need_extra("train", "taxel demo")
+        if self.seconds != 0:
+            need_extra("page", "taxel demo's page (--seconds 0 leaves it out)")
         started = time.monotonic()
         self._clear()
         self._say(1, "simulate", "sim://teng: six sessions of grasps, recorded as MCAP")

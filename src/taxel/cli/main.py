@@ -26,6 +26,7 @@ from types import TracebackType
 from typing import Protocol
 
 from taxel import __version__
+from taxel.cli.extras import missing_extra
 from taxel.cli.old_spellings import refuse_old
 from taxel.cli.options.rules import check_rules
 from taxel.cli.parsing import parse
@@ -101,6 +102,9 @@ SECTIONS: dict[str, dict[str, str]] = {
 a verb's dataclass is that of its name in the module of its name."""
 _AT_THE_ROOT = ("start here", "taxel itself")
 """Sections whose modules have no folder."""
+
+_TRAINS = {"demo", "bench", *SECTIONS["training"], *SECTIONS["evaluation"], "audit", "adapt"}
+"""Verbs that need the extra `train`."""
 
 VERBS = {verb: text for own in SECTIONS.values() for verb, text in own.items()}
 """Verb → its line of help."""
@@ -222,6 +226,11 @@ def main(argv: Sequence[str] | None = None) -> None:
         verb.run()
     except TaxelError as error:
         _fail(str(error))
+    except ModuleNotFoundError as error:
+        missing = missing_extra(error, f"taxel {words[0]}", words[0] in _TRAINS)
+        if missing is None:
+            raise
+        _fail(str(missing))
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:

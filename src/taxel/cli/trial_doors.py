@@ -78,7 +78,7 @@ def _of_trials(path: Path) -> bool:
     try:
         if not path.exists():
             return False
-        from taxel.bundles.trials import is_trial_bundle
+        from taxel.bundles.envelope import is_trial_bundle
         from taxel.windows.camera_trials import are_camera_trials
     except (OSError, ValueError, ModuleNotFoundError):  # no path; no OpenCV, so no cameras
         return False

@@ -6,7 +6,7 @@ Knows nothing about any one sensor.
 from __future__ import annotations
 
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Protocol, Self, runtime_checkable
 
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 
@@ -57,3 +57,17 @@ class Source(Protocol):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None: ...
+
+
+@runtime_checkable
+class WithBoards(Protocol):
+    """A source that is read from boards and keeps a ledger of each."""
+
+    def boards(self) -> list[dict[str, Any]]:
+        """Return one ledger a board, in the order of the paths."""
+        ...
+
+
+def board_ledgers(source: Source) -> list[dict[str, Any]]:
+    """Return one ledger a board of this source; none where it has no boards."""
+    return source.boards() if isinstance(source, WithBoards) else []

@@ -19,21 +19,13 @@ from pathlib import Path
 
 from rich.text import Text
 
+from taxel.cli.extras import EXTRAS, LIVE_PACKAGES
 from taxel.cli.printing import console, print_json
 from taxel.errors import BadInput
 from taxel.plain_text import visible_line
 
-LIVE_PACKAGES = ("numpy", "mcap", "lz4", "onnxruntime", "rich", "tyro")
-EXTRAS = {
-    "camera": (("cv2",), "tactile cameras"),
-    "serial": (("serial", "cobs"), "sensor boards"),
-    "gripper": (("pymodbus", "serial"), "a gripper"),
-    "page": (("starlette", "uvicorn", "websockets"), "the operator's page"),
-    "sign": (("cryptography",), "signed bundles"),
-    "sim": (("cv2", "scipy"), "the simulators"),
-    "train": (("torch", "sklearn", "onnx", "safetensors"), "training"),
-}
-"""Extra → the modules it brings, and what for."""
+_EXTRAS = ("camera", "serial", "gripper", "page", "sign", "sim", "train")
+"""Extras that live work may need."""
 GROUPS = {"dialout": ("ttyACM*", "ttyUSB*"), "video": ("video*",)}
 """Group → the device nodes that it opens."""
 SHARED_BYTES = 64 << 20
@@ -114,7 +106,8 @@ def examine(output: Path, root: Path = Path("/")) -> Iterator[Check]:
         root: Where dev and sys lie.
     """
     yield packages("live path", LIVE_PACKAGES, "taxel", required=True)
-    for extra, (modules, purpose) in EXTRAS.items():
+    for extra in _EXTRAS:
+        modules, purpose = EXTRAS[extra]
         yield packages(f"extra {extra}, for {purpose}", modules, f"taxel[{extra}]")
     yield shared_memory(root / "dev" / "shm")
     yield folder(output)

@@ -54,8 +54,7 @@ class EvaluateTrials:
 
     def run(self) -> None:
         """Measure and print."""
-        from taxel.bundles.envelope import kind_of
-        from taxel.bundles.trials import is_trial_bundle
+        from taxel.bundles.envelope import is_trial_bundle, kind_of
 
         if self.trials.is_file() and is_trial_bundle(self.trials):
             self._score_bundle()

@@ -74,8 +74,7 @@ class Sweep:
 
     def run(self) -> None:
         """Measure, print and write."""
-        from taxel.bundles.envelope import need_bundle
-        from taxel.bundles.grasp import is_grasp_bundle
+        from taxel.bundles.envelope import is_grasp_bundle, need_bundle
         from taxel.bundles.shipped import find_bundle
 
         self._check()

@@ -116,8 +116,7 @@ class Adapt:
 
     def _check_found(self) -> None:
         """Refuse what does not fit what is there, before anything is written."""
-        from taxel.bundles.envelope import need_bundle
-        from taxel.bundles.grasp import is_grasp_bundle
+        from taxel.bundles.envelope import is_grasp_bundle, need_bundle
 
         if is_grasp_bundle(self.trained):
             raise BadInput(

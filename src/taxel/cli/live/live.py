@@ -21,8 +21,10 @@ from taxel.errors import BadInput
 
 if TYPE_CHECKING:
     from taxel.actions.rule_table import RuleTable
+    from taxel.bundles.contract import Contract
     from taxel.bundles.reader import Bundle
     from taxel.bundles.signing import Trust
+    from taxel.bundles.trials import TrialContract
     from taxel.calibration.live import LiveNewtons
     from taxel.live.outages import Outage
     from taxel.live.rate_watch import RateChange
@@ -118,13 +120,9 @@ class Live:
     def run(self) -> None:
         """Run until the time is over, the source ends or the user stops it."""
         from taxel.actions.rule_table import RuleTable, read_rules
-        from taxel.bundles.envelope import need_bundle
-        from taxel.bundles.grasp import is_grasp_bundle
+        from taxel.bundles.envelope import is_grasp_bundle, is_trial_bundle, need_bundle
         from taxel.bundles.reader import read_bundle
-        from taxel.bundles.trials import is_trial_bundle
-        from taxel.cli.live.grasps import live_grasps
         from taxel.cli.live.station import live_station
-        from taxel.cli.live.trials import live_trials
         from taxel.decisions.recognition import RecogniseConfig
         from taxel.live.recogniser import Recogniser
         from taxel.models.devices import asked_device
@@ -174,12 +172,16 @@ class Live:
             live_station(self._station(files, trust, rules, device))
             return
         if is_trial_bundle(files[0]):
+            from taxel.cli.live.trials import live_trials  # needs cameras' extra
+
             live_trials(
                 files[0], self.source, self.seconds, self._least(), as_json=self.json,
                 trust=trust, rules=rules, device=device,
             )  # fmt: skip
             return
         if is_grasp_bundle(files[0]):
+            from taxel.cli.live.grasps import live_grasps  # needs cameras' extra
+
             live_grasps(files[0], self.source, self.seconds, self.json, trust, device)
             return
         bundles = [read_bundle(file, trust=trust, device=device) for file in files]
@@ -359,16 +361,19 @@ def _known_classes(bundles: Sequence[Path], trust: Trust | None) -> dict[str, tu
         BadInput: None does.
         BadBundle: One cannot be read, or is not signed by a key of `trust`.
     """
-    from taxel.bundles.grasp import is_grasp_bundle
+    from taxel.bundles.envelope import is_grasp_bundle, is_trial_bundle
     from taxel.bundles.reader import read_contract
-    from taxel.bundles.trials import is_trial_bundle, read_trial_contract
 
     known: dict[str, tuple[str, ...]] = {}
     for path in bundles:
         if is_grasp_bundle(path):
             continue
-        read = read_trial_contract if is_trial_bundle(path) else read_contract
-        contract = read(path, trust)
+        if is_trial_bundle(path):
+            from taxel.bundles.trials import read_trial_contract  # needs cameras' extra
+
+            contract: Contract | TrialContract = read_trial_contract(path, trust)
+        else:
+            contract = read_contract(path, trust)
         more = (name for name in contract.classes if name not in known.get(contract.target, ()))
         known[contract.target] = (*known.get(contract.target, ()), *more)
     if not known:

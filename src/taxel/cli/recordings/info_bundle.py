@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from taxel.bundles import contract as arrays
-from taxel.bundles import grasp, trials
+from taxel.bundles import grasp
 from taxel.bundles.envelope import BundleKind, is_signed
 from taxel.bundles.reader import read_contract
 from taxel.decisions.recognition import RecogniseConfig
 from taxel.decisions.trial_verdict import VerdictConfig
 from taxel.labels.rules import RULES
 from taxel.plain_text import visible
+
+if TYPE_CHECKING:
+    from taxel.bundles.trials import TrialContract
 
 _CLASSES = 8
 """Classes that are named."""
@@ -41,6 +44,8 @@ def describe_bundle(path: Path, kind: BundleKind) -> tuple[dict[str, str], dict[
         lines, text = _grasp_lines(watch), grasp.contract_to_json(watch)
         software, digest = watch.software, watch.data_digest
     else:
+        from taxel.bundles import trials  # needs the extra of cameras
+
         trial = trials.read_trial_contract(path)
         lines, text = _trial_lines(trial), trials.contract_to_json(trial)
         software, digest = trial.software, trial.data_digest
@@ -83,7 +88,7 @@ def _grasp_lines(contract: grasp.GraspContract) -> dict[str, str]:
     }
 
 
-def _trial_lines(contract: trials.TrialContract) -> dict[str, str]:
+def _trial_lines(contract: TrialContract) -> dict[str, str]:
     return {
         "predicts": _classes(contract.target, contract.classes),
         "from": f"camera trials of {contract.cameras} camera(s), {contract.width}×"
@@ -111,7 +116,7 @@ def _array_unknown(contract: arrays.Contract) -> str:
     )
 
 
-def _trial_unknown(contract: trials.TrialContract) -> str:
+def _trial_unknown(contract: TrialContract) -> str:
     """Return the same of camera trials, as `taxel.decisions.trial_verdict.join_crops` has it."""
     novel = "novel touch is not tested"
     if contract.threshold is not None:

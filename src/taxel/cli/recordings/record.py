@@ -61,7 +61,7 @@ class Record:
 
     def run(self) -> None:
         """Record, then print what was recorded and what was lost."""
-        from taxel.sources.boards.source import SerialBoards
+        from taxel.sources.contract import board_ledgers
         from taxel.sources.opening import open_source
 
         if not self.seconds > 0:
@@ -82,7 +82,7 @@ class Record:
                 overwrite=self.overwrite,
                 stopped=stopped,
             )
-            boards = source.boards() if isinstance(source, SerialBoards) else []
+            boards = board_ledgers(source)
         if self.json:
             print_json(ledger | ({"boards": boards} if boards else {}), indent=None)
             return

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from taxel.bundles.contract import Contract
-from taxel.bundles.grasp import GraspContract, is_grasp_bundle, read_grasp_contract
+from taxel.bundles.envelope import is_grasp_bundle
+from taxel.bundles.grasp import GraspContract, read_grasp_contract
 from taxel.bundles.reader import read_contract
 from taxel.bundles.signing import Trust
 from taxel.errors import BadBundle

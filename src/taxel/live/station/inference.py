@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.grasp import is_grasp_bundle, read_grasp_bundle
+from taxel.bundles.envelope import is_grasp_bundle
+from taxel.bundles.grasp import read_grasp_bundle
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.signing import Trust
 from taxel.decisions.reasons import kind_of
 from taxel.decisions.recognition import RecogniseConfig
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.decisions.still_channels import StillChannel
-from taxel.live.grasp_monitor import GraspMonitor
 from taxel.live.outages import Outage, OutageWatch
 from taxel.live.rate_watch import RateChange
 from taxel.live.recogniser import Answer, Recogniser
@@ -118,6 +118,8 @@ class _GraspWatcher:
     """A grasp monitor on the ring's frames."""
 
     def __init__(self, path: Path, job: Inference, writer: RingWriter, number: int) -> None:
+        from taxel.live.grasp_monitor import GraspMonitor  # needs the extra of cameras
+
         threads = min(len(job.cameras), _cores())
         bundle = read_grasp_bundle(path, threads=threads, trust=job.trust, device=job.device)
         self._who = f"{job.place.name}/{number}"
