@@ -6,6 +6,7 @@ No process runs: the rings are real, and the tests write what a station would.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import Any
@@ -200,6 +201,16 @@ def test_depth_is_drawn_for_people_at_most_five_times_a_second(make: Any, clock:
     assert second is not None
     assert second[0] == 2
     assert second[1] != first[1]
+
+
+def test_where_no_image_can_be_drawn_a_depth_camera_is_refused(
+    make: Any, monkeypatch: pytest.MonkeyPatch
+):
+    """The page's process ends and names what is missing; else its place would stay empty."""
+    monkeypatch.setitem(sys.modules, "taxel.frame_codec", None)
+    make((NONE, (LEFT,)))
+    with pytest.raises(ImportError):
+        make((NONE, (DEPTH,)))
 
 
 def test_a_depth_image_that_cannot_be_drawn_leaves_the_one_before(make: Any, clock: ManualClock):
