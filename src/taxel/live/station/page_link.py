@@ -150,7 +150,7 @@ class StationView:
             ],
             "array": None if array is None else {
                 "name": array.sensor.name, "channels": list(array.sensor.channels),
-                "unit": array.sensor.units[0], "rows": _MAP_ROWS,
+                "unit": shown_unit(array.sensor), "rows": _MAP_ROWS,
             },
         }  # fmt: skip
 
@@ -299,6 +299,11 @@ def _shown_array(seen: PageSeen) -> _Array:
         return _Array(seen.sensor)
     newtons = LiveNewtons(read_calibration(seen.calibration), seen.sensor)
     return _Array(newtons.info, newtons)
+
+
+def shown_unit(sensor: SensorInfo) -> str:
+    """Return the unit that all channels share, in words where they have several."""
+    return sensor.units[0] if len(set(sensor.units)) == 1 else "mixed units"
 
 
 def draw_depth(png: bytes, camera: CameraInfo) -> bytes | None:

@@ -56,7 +56,7 @@ function trial(plan) {
 function hand(snapshot) {
   const answer = (snapshot.answers || [])[0];
   const named = answer && answer.label && answer.label !== "UNKNOWN";
-  const word = named ? String(answer.label).toUpperCase() : "NOT TOLD";
+  const word = named ? String(answer.label).toUpperCase() : answer ? "UNKNOWN" : "NO ANSWER YET";
   return { kind: "HAND", word, reason: answer ? `${answer.target}; no grasp is watched` : "no grasp is watched" };
 }
 
