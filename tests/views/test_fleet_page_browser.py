@@ -26,10 +26,10 @@ def test_a_table_whose_program_stands_still_is_called_old_and_is_followed_again(
 
     with Browser(tmp_path) as browser, FleetPage(snapshot) as page:
         browser.open(page.url)
-        browser.until(f"{STATE}.startsWith('1 stations')")
+        browser.until(f"{STATE}.startsWith('1 station,')")
         answers.clear()
         try:
             browser.until(f"{STATE} === 'taxel fleet does not answer: what is shown is old'")
         finally:
             answers.set()
-        browser.until(f"{STATE}.startsWith('1 stations')")
+        browser.until(f"{STATE}.startsWith('1 station,')")

@@ -75,9 +75,9 @@ def test_where_no_monitor_runs_the_large_word_is_the_first_answer(browser, opene
     snapshot = json.dumps({"state": "NONE", "answers": answers})
     shown = f"""import("/static/state.js").then((state) => {{
         const fresh = Object.assign(new state.Freshness(), {{ connected: true, movedMs: 0 }});
-        return state.shown(fresh, {snapshot}, 1).word;
+        return [state.shown(fresh, {snapshot}, 1).word, state.evidence({snapshot}).name];
     }})"""
-    assert browser.ask(shown) == word
+    assert browser.ask(shown) == [word, "Events"]
 
 
 def test_an_unknown_and_a_pause_say_why_and_for_how_long(browser, opened, station):

@@ -50,7 +50,8 @@ async function look() {
     }
     const fleet = await answer.json();
     rows.replaceChildren(...fleet.stations.map(row));
-    const parts = [`${fleet.stations.length} stations, broker ${fleet.broker.address}`];
+    const many = `${fleet.stations.length} station${fleet.stations.length === 1 ? "" : "s"}`;
+    const parts = [`${many}, broker ${fleet.broker.address}`];
     if (!fleet.broker.connected) parts.push(fleet.broker.why);
     if (fleet.beyond) parts.push("TABLE FULL: further stations are not shown");
     if (fleet.refused) parts.push(`messages refused: ${fleet.refused}`);

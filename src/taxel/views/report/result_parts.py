@@ -89,8 +89,8 @@ def accuracies(
             join([tag("p", said) for said in {_lone(judged[name]) for name in runs} if said]),
             _cleared({name: judged[name] for name in runs}, runs),
             table(
-                ["run", "model", "accuracy, windows", f"95 % CI over {group}s, %",
-                 "accuracy, whole trials", "loss, nats",
+                ["run", "model", "accuracy", f"95 % CI over {group}s, %",
+                 "by trial", "loss, nats",
                  "ROC-AUC", "F1", "parameters"],
                 rows,
                 quiet=range(len(runs), len(rows)),

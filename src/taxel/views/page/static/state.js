@@ -98,6 +98,7 @@ export function slipWords(slip) {
 
 /** Return the name, the number and the threshold of what a monitor goes by: a probability, or a warning's score. */
 export function evidence(snapshot) {
+  if (snapshot.state === "NONE") return { name: "Events", now: "", from: "" };
   const name = snapshot.scored ? "Warning score" : "Probability of instability";
   const warn = snapshot.thresholds?.warn;
   return { name, now: number(snapshot.scored ? snapshot.score : snapshot.probability, 2), from: Number.isFinite(warn) ? `warns from ${number(warn, 2)}` : "" };
