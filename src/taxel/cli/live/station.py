@@ -396,4 +396,5 @@ def _print_summary(result: dict[str, Any]) -> None:
             f"{name} {camera['frames']} frames"
             for name, camera in ledger.get("cameras", {}).items()
         ]
-        say(f"  recorded: {recording['path']}: {', '.join(parts)}")
+        what = "taken in" if recording.get("error") else f"recorded: {recording['path']}"
+        say(f"  {what}: {', '.join(parts)}")

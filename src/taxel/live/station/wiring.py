@@ -153,6 +153,12 @@ class Wiring:
         """True where a grasp is watched."""
         return any(monitor.watches for monitor in self.monitors)
 
+    @property
+    def given_up(self) -> frozenset[str]:
+        """Names of monitors and recognisers whose process is not started again."""
+        ended = [monitor for monitor in self.monitors if monitor.worker.given_up]
+        return frozenset(entry["who"] for monitor in ended for entry in monitor.bundles)
+
     def view_config(self) -> ViewConfig:
         """Return what a page needs to see this station."""
         return ViewConfig(

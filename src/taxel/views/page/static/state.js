@@ -57,7 +57,8 @@ function hand(snapshot) {
   const answer = (snapshot.answers || [])[0];
   const named = answer && answer.label && answer.label !== "UNKNOWN";
   const word = named ? String(answer.label).toUpperCase() : answer ? "UNKNOWN" : "NO ANSWER YET";
-  return { kind: "HAND", word, reason: answer ? `${answer.target}; no grasp is watched` : "no grasp is watched" };
+  const why = answer ? [answer.target, named ? "" : answer.reason] : [];
+  return { kind: "HAND", word, reason: [...why, "no grasp is watched"].filter(Boolean).join("; ") };
 }
 
 /** Return "warning", "danger", "lost" or "": what should sound. */
