@@ -235,6 +235,13 @@ def test_the_array_without_cameras_is_shown_with_gaps_where_a_value_is_not_usabl
     np.testing.assert_allclose(traces["map"], values[[0, 2]] / 0.6, rtol=1e-6)
 
 
+def test_an_array_of_several_units_is_not_shown_under_the_first_channels_unit(make: Any):
+    """A simulated cup's truth has millimetres and newtons beside the slip's micrometres."""
+    truth = SensorInfo(name="truth", channels=("slip", "grip"), units=("um", "N"), rate_hz=60.0)
+    assert make((truth, (LEFT,))).view.snapshot()["array"]["unit"] == "mixed units"
+    assert make((HAND, ())).view.snapshot()["array"]["unit"] == "V"
+
+
 def test_a_monitors_probability_is_drawn_where_it_was_measured(make: Any):
     rig = make((NONE, (LEFT,)))
     notes = (

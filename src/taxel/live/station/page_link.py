@@ -154,7 +154,7 @@ class StationView:
             ],
             "array": None if array is None else {
                 "name": array.sensor.name, "channels": list(array.sensor.channels),
-                "unit": array.sensor.units[0], "rows": _MAP_ROWS,
+                "unit": shown_unit(array.sensor), "rows": _MAP_ROWS,
             },
         }  # fmt: skip
 
@@ -305,6 +305,7 @@ def _shown_array(seen: PageSeen) -> _Array:
     return _Array(newtons.info, newtons)
 
 
+<<<<<<< HEAD
 def need_depth_pictures(cameras: Iterable[CameraInfo]) -> None:
     """Refuse to show a depth camera where no image can be drawn: its place would stay empty.
 
@@ -313,6 +314,11 @@ def need_depth_pictures(cameras: Iterable[CameraInfo]) -> None:
     """
     if any(camera.coding == DEPTH_PNG for camera in cameras):
         import taxel.frame_codec  # noqa: F401  # names its extra where it is missing
+=======
+def shown_unit(sensor: SensorInfo) -> str:
+    """Return the unit that all channels share, in words where they have several."""
+    return sensor.units[0] if len(set(sensor.units)) == 1 else "mixed units"
+>>>>>>> newcomer
 
 
 def draw_depth(png: bytes, camera: CameraInfo) -> bytes | None:

@@ -297,7 +297,7 @@ class Station:
             ),
             {},
         )
-        answers = self.answers.newest()
+        answers = self.answers.newest(self.wiring.given_up)
         return guard_snapshot(self.guard, now_s) | {
             "thresholds": {k: limits[k] for k in ("clear", "warn", "unstable") if k in limits},
             "scored": limits.get("is_score", False),

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from taxel.clock import Clock, SystemClock
 from taxel.decisions.reasons import REASONS
 from taxel.image_head import is_sound
-from taxel.live.station.page_link import draw_depth, need_depth_pictures
+from taxel.live.station.page_link import draw_depth, need_depth_pictures, shown_unit
 from taxel.recordings.chunk_content import ChunkContent
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import read_manifest
@@ -152,7 +152,7 @@ class ReplayLink:
             "array": {
                 "name": sensor.name,
                 "channels": list(sensor.channels),
-                "unit": sensor.units[0] if len(set(sensor.units)) == 1 else "mixed units",
+                "unit": shown_unit(sensor),
                 "rows": _MAP_ROWS,
             }
             if sensor.channels
