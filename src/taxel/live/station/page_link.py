@@ -305,7 +305,6 @@ def _shown_array(seen: PageSeen) -> _Array:
     return _Array(newtons.info, newtons)
 
 
-<<<<<<< HEAD
 def need_depth_pictures(cameras: Iterable[CameraInfo]) -> None:
     """Refuse to show a depth camera where no image can be drawn: its place would stay empty.
 
@@ -314,11 +313,11 @@ def need_depth_pictures(cameras: Iterable[CameraInfo]) -> None:
     """
     if any(camera.coding == DEPTH_PNG for camera in cameras):
         import taxel.frame_codec  # noqa: F401  # names its extra where it is missing
-=======
+
+
 def shown_unit(sensor: SensorInfo) -> str:
     """Return the unit that all channels share, in words where they have several."""
     return sensor.units[0] if len(set(sensor.units)) == 1 else "mixed units"
->>>>>>> newcomer
 
 
 def draw_depth(png: bytes, camera: CameraInfo) -> bytes | None:
