@@ -14,7 +14,7 @@ import math
 import re
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
@@ -139,8 +139,9 @@ class Store:
         try:
             while True:
                 left = what.trials - len(self._finished(study)) - len(running)
+                left = max(left, self._lacks_as_is(study, running.values()))
                 for _ in range(min(left, width() - len(running))):
-                    trial = self._ask(study, what, len(running))
+                    trial = self._ask(study, what, running.values())
                     running[self._next_fold(what, trial)] = trial
                 if not running:
                     return self._best(study)
@@ -153,18 +154,23 @@ class Store:
         finally:
             self._beating.clear()
 
-    def _ask(self, study: Any, what: Search, running: int) -> _Running:
-        """Begin a trial; the first is the recipe as it is."""
-        begun = len(self._finished(study)) + running
+    def _ask(self, study: Any, what: Search, running: Collection[_Running]) -> _Running:
+        """Begin a trial; the first is the recipe as it is, again where a kill ended it."""
+        begun = len(self._finished(study)) + len(running)
         state = np.random.SeedSequence([what.seed, begun]).generate_state(1)
         study.sampler = self._optuna.samplers.TPESampler(seed=int(state[0]))
         with _quiet():
             trial = study.ask()
         self._beating.add(trial._trial_id)
-        if begun == 0 or trial.user_attrs.get(_AS_IS):
+        if trial.user_attrs.get(_AS_IS) or self._lacks_as_is(study, running):
             trial.set_user_attr(_AS_IS, True)
             return _Running(trial, {})
         return _Running(trial, what.propose(trial))
+
+    def _lacks_as_is(self, study: Any, running: Collection[_Running]) -> bool:
+        """Return whether the recipe as it is was neither finished nor is among what runs here."""
+        trials = [*self._finished(study), *(own.trial for own in running)]
+        return not any(trial.user_attrs.get(_AS_IS) for trial in trials)
 
     def _next_fold(self, what: Search, running: _Running) -> Future[Done]:
         job = what.job(running.values, len(running.scores))
