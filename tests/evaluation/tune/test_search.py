@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("optuna", reason="optuna is not installed: pip install 'taxel[tune]'")
 
-from taxel.errors import BadInput
+from taxel.errors import BadInput, RecordingFailed
 from taxel.evaluation.tune import study as study_module
 from taxel.evaluation.tune.space import SETTINGS, Space
 from taxel.evaluation.tune.study import Found, Search, Store, open_store
@@ -223,6 +223,31 @@ def test_a_database_that_cannot_be_opened_is_reported_in_one_line(tmp_path: Path
     ):
         pass
     assert len(str(refused.value).splitlines()) == 1
+
+
+def test_a_database_that_takes_no_more_is_reported_in_one_line(url: str) -> None:
+    """As on a full disk, in the middle of a search; more room, and the search goes on."""
+
+    class Full(Work):
+        def __call__(self, job: tuple[dict[str, Any], int]) -> float:
+            if len(self.jobs) == 4:
+                _most_pages(store, 1)
+            return super().__call__(job)
+
+    with open_store(url) as store:
+        with pytest.raises(RecordingFailed, match=r"keep trials in sqlite:.*full") as refused:
+            store.search(search(Full(), trials=200), lambda _: None)
+        assert len(str(refused.value).splitlines()) == 1
+        _most_pages(store, 100_000)
+        assert store.search(search(Work()), lambda _: None).trials >= 7
+
+
+def _most_pages(store: Store, pages: int) -> None:
+    """Let the file of SQLite grow to so many pages, but never below what it has."""
+    import sqlalchemy
+
+    with store.storage.engine.connect() as connection:
+        connection.execute(sqlalchemy.text(f"PRAGMA max_page_count = {pages}"))
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from taxel.errors import BadInput, BadSplit, MissingExtra
+from taxel.errors import BadInput, BadSplit, MissingExtra, RecordingFailed
 from taxel.held import only_writer
 from taxel.jobs.call import Done
 from taxel.jobs.running import result_of, submit, width
@@ -93,7 +93,7 @@ class Store:
             raise MissingExtra("optuna", "tune", "a search for settings") from error
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self.alone = url.startswith("sqlite") if alone is None else alone
-        self._optuna = optuna
+        self._optuna, self._url = optuna, url
         kind: dict[str, Any] = {"engine_kwargs": {"connect_args": {"timeout": 60.0}}}
         if not self.alone:
             kind = {
@@ -128,7 +128,20 @@ class Store:
 
         Raises:
             BadSplit: No trial could be scored.
+            RecordingFailed: The database took no more, as on a full disk.
         """
+        from sqlalchemy.exc import SQLAlchemyError
+
+        try:
+            return self._search(what, on_step)
+        except (self._optuna.exceptions.StorageInternalError, SQLAlchemyError) as error:
+            got = _first_line(error.__cause__ or error)
+            raise RecordingFailed(
+                f"needed to keep trials in {self._url}; got {got}; "
+                "make room or mend the database, and run the same command again."
+            ) from error
+
+    def _search(self, what: Search, on_step: Callable[[str], None]) -> Found:
         optuna = self._optuna
         study = optuna.create_study(
             storage=self.storage, study_name=what.name, direction="maximize", load_if_exists=True,
@@ -294,5 +307,5 @@ def _mean(scores: list[float]) -> float:
     return float(np.mean(known)) if known else math.nan
 
 
-def _first_line(error: Exception) -> str:
+def _first_line(error: BaseException) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0]
