@@ -43,6 +43,8 @@ ALL = "*"
 """In the place of a channel's name: all columns but that of time."""
 TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Unit of a time column → seconds."""
+_DAY_S = 86_400.0
+"""A day, seconds."""
 STAMPS = "iso"
 """In the place of its unit: dates with times, or times of day (time_stamps.py)."""
 
@@ -275,6 +277,14 @@ def _no_increase(
 ) -> BadTable:
     """Return the error of times that stand still or go back; where they begin anew it says so."""
     steps, anew = np.diff(time_s), restarts_of(time_s)
+    midnight = np.flatnonzero((steps < -_DAY_S / 2) & (time_s.min() >= 0) & (time_s.max() < _DAY_S))
+    if len(midnight):
+        row = int(midnight[0]) + 1
+        return BadTable(
+            "times that increase from row to row",
+            f"{time_s[row]:.6g} s after {time_s[row - 1]:.6g} s in {path}, line {row + first_line}",
+            "if these are times of day, and midnight lies between, write the dates too",
+        )
     back = int((steps < 0).sum())
     row = anew[0] if anew else int(np.argmax(steps < 0 if back else steps == 0)) + 1
     got = f"{time_s[row]:.6g} s after {time_s[row - 1]:.6g} s in {path}, line {row + first_line}"
@@ -294,6 +304,8 @@ def _no_increase(
         count = int((steps == 0).sum())
         got += f": {count} {'row has' if count == 1 else 'rows have'} the time of the row above"
         mend = "leave such rows out, or give a rate instead of a time column"
+        if 2 * count >= len(time_s) - 1:  # as of a table with a row for each channel
+            mend += "; if each row holds one channel, write the channels side by side, in columns"
     return BadTable("times that increase from row to row", got, mend)
 
 
