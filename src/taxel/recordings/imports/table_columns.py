@@ -260,7 +260,7 @@ def _trimmed(rows: list[list[str]]) -> list[list[str]]:
 
 def mend_number(cell: str) -> str:
     """Return how to mend a cell that is not a number: by its decimal comma, if it has one."""
-    if is_number(cell.replace(",", ".")):
+    if "," in cell and is_number(cell.replace(",", ".")):
         return "write decimal points, not commas"
     return "mend the file, or choose other columns"
 
