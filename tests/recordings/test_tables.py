@@ -274,6 +274,19 @@ def test_times_of_day_that_pass_midnight_ask_for_dates(tmp_path):
         read_table(path, parse_columns("a[V]", "here"), parse_time("t[iso]", "here"))
 
 
+@pytest.mark.parametrize(("start", "bits", "unit", "period"), [
+    (4294967275, 32, "us", "4294.9673"), (65515, 16, "ms", "65.536"),
+    (4294967275, 32, "ms", "4294967.3"),
+])  # fmt: skip
+def test_a_counter_that_overflows_begins_no_new_trial(tmp_path, start, bits, unit, period):
+    """As of an Arduino after 71 minutes: cut there, one trial would become two."""
+    rows = "".join(f"{(start + 10 * n) % 2**bits},1\n" for n in range(6))
+    (tmp_path / "a.csv").write_text(f"t,a\n{rows}")
+    with pytest.raises(BadTable, match=rf"line 5; if .*counter of {period}.* add {period}") as said:
+        read_table(tmp_path / "a.csv", parse_columns("a[N]", "here"), parse_time(f"t[{unit}]", "-"))
+    assert "new trial" not in str(said.value)
+
+
 def test_a_table_with_a_row_for_each_channel_is_not_thinned_out(tmp_path):
     """To leave out rows of the same time would leave out all channels but the first."""
     (tmp_path / "a.csv").write_text("t,a,b\n0,1,2\n0,2,2\n10,1,2\n10,2,2\n20,1,2\n20,2,2\n")
