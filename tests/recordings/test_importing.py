@@ -331,8 +331,9 @@ def test_endings_in_capitals_are_the_same(folder, ending):
 
 
 def test_an_import_table_from_a_spreadsheet_is_read(folder):
-    """Semicolons, UTF-16 with its mark, and empty lines of separators."""
-    text = (folder / "table.csv").read_text().replace(",", ";") + ";;;;;;\n"
+    """Semicolons, UTF-16 with its mark, and empty columns and lines of separators."""
+    lines = [*(folder / "table.csv").read_text().replace(",", ";").splitlines(), ";;;;;;"]
+    text = "".join(f"{line};;\r\r\n" for line in lines)
     (folder / "table.csv").write_bytes(text.encode("utf-16"))
     assert len(import_table(folder / "table.csv", folder / "out")) == 2
 

@@ -64,7 +64,7 @@ def test_labels_groups_and_file_names_are_one_however_their_accents_were_typed(t
          r"overlap; got 151\.345 s in .*line 3, before the 151\.345002 s"),
         (HEADER + "other.csv,0,2,cup\n", "a file among long; got 'other.csv' in .*line 2"),
         (HEADER + "long,0,two,cup\n", "seconds as a number; got 'two'"),
-        (HEADER + "long,0,nan,cup\n", "seconds as a number"),
+        (HEADER + "long,0,nan,cup\n", "seconds as a number; got .nan. .*; mend the file"),
         (HEADER.replace(",", ";") + "long;0,5;2,5;cup\n", "decimal points, not commas"),
         (HEADER + "long,0,2,\n", "'label:object'"),
         (HEADER + "long,0,2\n", "4 cells"),

@@ -12,8 +12,8 @@ from taxel.recordings.imports.tables import parse_columns, parse_time, read_tabl
 WANTED = [[1.5, -2.0], [2.5, 300.0]]
 
 
-def read(path, channels="a[V] b[V]", time="t[ms]"):
-    return read_table(path, parse_columns(channels, "here"), parse_time(time, "here"))
+def read(path, channels="a[V] b[V]", time="t[ms]", missing="refuse"):
+    return read_table(path, parse_columns(channels, "here"), parse_time(time, "here"), missing)
 
 
 @pytest.mark.parametrize("text", [
@@ -167,7 +167,40 @@ def test_rows_may_end_in_a_separator_that_the_names_do_not_end_in(tmp_path, text
     assert (table.names, table.one_more) == (("a", "b"), True)
 
 
+@pytest.mark.parametrize("text", [
+    "t,a,b,\n10,1.5,-2,\n20,2.5,300,\n", "t;a;b;;\n10;1,5;-2;;\n20;2,5;300;;\n",
+    "t,a,b,,\n10,1.5,-2\n20,2.5,300\n", "t,a,b\n10,1.5,-2\n20,2.5,300\n,,\n,,\n\n",
+    "t;a;b;\nms;V;V;\n10;1,5;-2;\n20;2,5;300;\n;;;\n",
+    "t\ta\tb\n10\t1.5\t-2\n20\t2.5\t300\n\t\t\n ",
+    "t,a,b\r\r\n10,1.5,-2\r\r\n20,2.5,300\r\r\n",
+])  # fmt: skip
+@pytest.mark.parametrize("channels", ["a[V] b[V]", "*[V]"])
+def test_what_spreadsheets_leave_empty_beside_and_below_a_table_is_no_part_of_it(
+    tmp_path, text, channels
+):
+    """Cells that were only formatted; and the line ends of Python's csv on Windows."""
+    (tmp_path / "a.csv").write_bytes(text.encode())
+    table = read(tmp_path / "a.csv", channels)
+
+    np.testing.assert_array_equal(table.values, WANTED)
+    assert (table.names, table.one_more) == (("a", "b"), False)
+
+
+def test_rows_of_empty_cells_above_the_last_one_are_kept_and_counted(tmp_path):
+    """Nothing is left out within a trial, and messages name the right line."""
+    (tmp_path / "a.csv").write_text("a,b\n1,2\n,\n,\n3,4\n,\n")
+    table = read(tmp_path / "a.csv", "*[V]", "rate:9Hz", missing="keep")
+    assert table.values[[0, 3]].tolist() == [[1, 2], [3, 4]]
+    assert np.isnan(table.values[1:3]).all()
+    assert len(table.values) == 4
+    with pytest.raises(BadTable, match=r"got nan in .*, line 3"):
+        read(tmp_path / "a.csv", "*[V]", "rate:9Hz")
+
+
 @pytest.mark.parametrize(("text", "words"), [
+    ("t,a,b,,\n10,1,2,,\n20,2,3,,4\n", "nothing behind the last.*line 2; got '4' in .*, line 3"),
+    ("t,a,b,,\n10,1,2,,\n20,2,3,\n", "3 cells and 2 separators behind .*; got 4 in .*, line 3"),
+    ("t,a,b\n10,1,2\n\n20,2,3\n", "3 cells in every line; got 0 in .*, line 3"),
     ("t,a,b\n10,1,2,\n20,2,3,4\n", "nothing behind the last.*line 2; got '4' in .*, line 3; name"),
     ("t,a,b\n10,1,2,\n20,2,3\n", "3 cells and a separator .*line 2; got 3 in .*, line 3; write"),
     ("t,a,b\n10,1,2,,\n", "3 cells in every line; got 5 in .*, line 2, where 3 are named; name "),

@@ -266,6 +266,35 @@ def test_times_that_go_back_are_said_with_how_often(tmp_path, times, words):
     assert ("sort" in said) == ("about where it began" not in said and "row above" not in said)
 
 
+def test_times_of_day_that_pass_midnight_ask_for_dates(tmp_path):
+    """Sorting them would put what came after midnight first."""
+    path = tmp_path / "a.csv"
+    path.write_text("t,a,b\n23:59:59.990,1,2\n00:00:00.000,1,2\n00:00:00.010,1,2\n")
+    with pytest.raises(BadTable, match=r"0 s after .*line 3; if .*midnight .*write the dates too"):
+        read_table(path, parse_columns("a[V]", "here"), parse_time("t[iso]", "here"))
+
+
+@pytest.mark.parametrize(("start", "bits", "unit", "period"), [
+    (4294967275, 32, "us", "4294.9673"), (65515, 16, "ms", "65.536"),
+    (4294967275, 32, "ms", "4294967.3"),
+])  # fmt: skip
+def test_a_counter_that_overflows_begins_no_new_trial(tmp_path, start, bits, unit, period):
+    """As of an Arduino after 71 minutes: cut there, one trial would become two."""
+    rows = "".join(f"{(start + 10 * n) % 2**bits},1\n" for n in range(6))
+    (tmp_path / "a.csv").write_text(f"t,a\n{rows}")
+    with pytest.raises(BadTable, match=rf"line 5; if .*counter of {period}.* add {period}") as said:
+        read_table(tmp_path / "a.csv", parse_columns("a[N]", "here"), parse_time(f"t[{unit}]", "-"))
+    assert "new trial" not in str(said.value)
+
+
+def test_a_table_with_a_row_for_each_channel_is_not_thinned_out(tmp_path):
+    """To leave out rows of the same time would leave out all channels but the first."""
+    (tmp_path / "a.csv").write_text("t,a,b\n0,1,2\n0,2,2\n10,1,2\n10,2,2\n20,1,2\n20,2,2\n")
+    said = refusal(tmp_path / "a.csv")
+    assert "3 rows have the time of the row above; leave such rows out, or give a rate" in said
+    assert "if each row holds one channel, write the channels side by side" in said
+
+
 def test_times_of_an_array_that_begin_anew_are_not_cut_by_the_table(tmp_path):
     np.save(tmp_path / "a.npy", [[0, 1], [9, 1], [0, 1]])
     with pytest.raises(BadTable, match=r"once, to about .*save each trial as an array or file of"):

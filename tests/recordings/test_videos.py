@@ -137,8 +137,9 @@ def test_a_bad_table_is_refused(tmp_path: Path, text: str) -> None:
 
 
 def test_a_table_from_a_spreadsheet_is_read(tmp_path: Path) -> None:
-    """With the mark that spreadsheets put first, and a blank line at the end."""
-    (tmp_path / "table.csv").write_bytes(b"\xef\xbb\xbfleft,right\r\na.avi,b.avi\r\n\r\n")
+    """With the mark that spreadsheets put first, and blank lines and columns at the end."""
+    text = b"\xef\xbb\xbfleft,right,,\r\n,,,\r\na.avi,b.avi,,\r\n,,,\r\n\r\n"
+    (tmp_path / "table.csv").write_bytes(text)
     (row,) = read_video_rows(tmp_path / "table.csv", tmp_path)
     assert row.files == {"left": tmp_path / "a.avi", "right": tmp_path / "b.avi"}
 

@@ -20,6 +20,7 @@ from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.views.tables.trial_notes import control_warnings, frames_note, trial_notes
 from taxel.views.tables.trials import not_scored_line, trial_tables, unknown_line
+from taxel.windows.trial_picture import look_at_picture
 
 from trial_makers import few_small_members, some_trials  # isort: skip
 
@@ -97,6 +98,23 @@ def test_short_trials_are_said_in_a_note() -> None:
     assert mixed is not None
     assert mixed.startswith("1 of 3 trials has 1 frame: of each trial, so that no length shows")
     assert frames_note([3, 3, 30], 3).startswith("2 of 3 trials have 3 frames")  # type: ignore[union-attr]
+
+
+def test_images_of_few_bits_in_files_of_sixteen_are_said_to_be_nearly_black() -> None:
+    """Values of 10 or 12 bits decode to at most 4 and 16 of 255."""
+    bits = {
+        depth: np.full((8, 8, 3), min(2**depth - 1, 65535) // 257, np.uint8)
+        for depth in (10, 12, 13, 16)
+    }
+    notes = {}
+    for depth, image in bits.items():
+        trials = some_trials()
+        seen = look_at_picture([image] * 3)[None, :, None, :]  # a crop of a camera
+        shown = {**trials.cut.shown, "picture": seen}
+        notes[depth] = trial_notes(replace(trials, cut=replace(trials.cut, shown=shown)))
+    assert notes[13] == notes[16] == []
+    assert notes[10][0].startswith("nearly black: no part of an image is brighter than 3 of 255")
+    assert "scale the values to all 16 bits, or save them as 8" in notes[12][0]
 
 
 def still(trials: TrialSet) -> TrialSet:

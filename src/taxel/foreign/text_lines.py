@@ -34,6 +34,8 @@ to 20 times; deflate's limit is 1032. Source: our choice."""
 def lines_of(path: Path, most: int) -> Iterator[str]:
     r"""Yield a text's lines with their ends, which are \n, \r\n or \r.
 
+    \r\r\n, as Windows writes where a program ends lines in \r\n itself, is one end, not two.
+
     Args:
         path: The file; one whose name ends in .gz or .GZ is unpacked.
         most: Bytes that the text may have, unpacked.
@@ -43,7 +45,7 @@ def lines_of(path: Path, most: int) -> Iterator[str]:
             or has a line too long.
         OSError: It is not there, or may not be read.
     """
-    number = 0
+    number, torn = 0, False
     with open_file(path) as file:
         refuse_larger(path, size_of(file), most)
         raw = _Bounded(path, file, most)
@@ -51,6 +53,9 @@ def lines_of(path: Path, most: int) -> Iterator[str]:
             text = io.TextIOWrapper(buffer := io.BufferedReader(raw), newline="",
                                     encoding=_encoding(buffer))  # fmt: skip
             while line := text.readline(LONGEST_LINE):
+                torn, rest = line.endswith("\r"), torn and line == "\r\n"
+                if rest:  # of the end of the line before it
+                    continue
                 number += 1
                 if len(line) >= LONGEST_LINE:
                     raise BadFile(

@@ -26,6 +26,7 @@ _OF_CELLS: Final = CELLS[0] * CELLS[1] * 3
 COLUMNS: Final = 2 * _OF_CELLS
 """Of a frame or a change: means by cell and colour, then standard deviations."""
 VERSION: Final = "picture-1"
+_FRAMES: Final = 3
 ROWS: Final = 6
 """First, middle and last frame; then first to middle, first to last, middle to last."""
 
@@ -53,6 +54,15 @@ def sum_up_picture(values: NDArray[np.float32]) -> NDArray[np.float32]:
         values: Shape (6, cameras, columns).
     """
     return np.concatenate(list(values), axis=1)
+
+
+def brightest(values: NDArray[np.float32]) -> float:
+    """Return the highest mean of a cell and colour in any frame, grey levels, 0…255.
+
+    Args:
+        values: Shape (…, 6, cameras, columns), as `look_at_picture` gives them for each camera.
+    """
+    return float(values[..., :_FRAMES, :, :_OF_CELLS].max())
 
 
 def _by_cell(picture: NDArray[np.float32]) -> NDArray[np.float32]:

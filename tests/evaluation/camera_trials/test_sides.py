@@ -10,6 +10,7 @@ from trial_makers import write_trials
 from taxel.cli.options.trials import TrialOptions
 from taxel.errors import BadDataset, BadSplit, BadTable
 from taxel.evaluation.camera_trials.sides import (
+    left_out,
     shared_values,
     split_by_table,
     split_trials,
@@ -48,7 +49,8 @@ def test_objects_on_both_sides_are_counted(tmp_path: Path) -> None:
     [
         ([0, 1] * 7 + [0, 2], "random", "1 of 'slpi'", "if it is mistyped"),
         ([0, 1] * 7 + [0, 2], "group:object", "1 of 'slpi'", "if it is mistyped"),
-        ([0, 1] * 6 + [0, 2, 2, 2], "random", "3 trials of 'slpi', the rarest", "--fold-count"),
+        ([0, 1] * 6 + [0, 2, 2, 2], "random", "3 trials of 'slpi', the rarest",
+         "--fold-count of at most 3"),
         ([0, 1] * 6 + [2, 2, 2, 2], "group:object", "4 trials of 'slpi', the rarest in 1 object",
          "--fold-count"),
     ],
@@ -95,6 +97,25 @@ def test_only_the_test_part_is_scored_though_the_training_part_is_elsewhere(tmp_
     table.write_text("group:object,side\no3,test\n")
     alone = read_fold_table(table, to_score=True)
     assert trials_to_score([f"t{i}" for i in range(16)], GROUPS, alone) == [12, 13, 14, 15]
+
+
+def test_trials_that_a_table_does_not_name_are_counted(tmp_path: Path) -> None:
+    """They are neither trained on nor tested, which the accuracy does not show."""
+    table, names = tmp_path / "folds.csv", [f"t{i}" for i in range(16)]
+    table.write_text("group:object,side\no0,train\no1,train\no2,test\n")
+    some = split_by_table(names, GROUPS, Y, table)
+    assert left_out(some, 16) == "4 of 16 trials stand on no side of folds of folds.csv: left out"
+    table.write_text(table.read_text() + "o3,test\n")
+    assert left_out(split_by_table(names, GROUPS, Y, table), 16) is None
+
+
+def test_a_tested_class_that_was_never_trained_on_is_named() -> None:
+    """As with --test and a mistyped label; the rest of the message is no use without it."""
+    y, groups = np.array([0, 1] * 7 + [0, 2]), [dict(own) for own in GROUPS]
+    for at, own in enumerate(groups):
+        own["split"] = "test" if at >= 12 else "train"
+    with pytest.raises(BadSplit, match=r"none of 'slpi' there, 1 to test; train on some of them"):
+        split_trials(groups, y, None, 4, 0, ("hold", "slip", "slpi"))
 
 
 def test_a_trial_that_a_table_tests_twice_is_refused(tmp_path: Path) -> None:

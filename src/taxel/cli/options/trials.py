@@ -107,10 +107,13 @@ class TrialOptions:
         ]
 
     def _split(self, trials: TrialSet) -> TrialSplit:
-        from taxel.evaluation.camera_trials.sides import split_by_table, split_trials
+        from taxel.evaluation.camera_trials.sides import left_out, split_by_table, split_trials
 
         if self.folds is not None:
-            return split_by_table(trials.names, trials.groups, trials.y, self.folds)
+            split = split_by_table(trials.names, trials.groups, trials.y, self.folds)
+            if note := left_out(split, len(trials.names)):
+                say_aside(f"note: {note}")
+            return split
         return split_trials(
             trials.groups, trials.y, self.split, self.fold_count, self.seed, trials.classes
         )

@@ -71,14 +71,14 @@ def split_trials(
     words = text.split(":")
     if words == [SPLIT]:
         held = np.array([own.get(SPLIT) == TEST for own in groups])
-        return _one("test trials given", groups, y, held)
+        return _one("test trials given", groups, (y, classes), held)
     if words[0] == "group" and len(words) == 2:
         return _by_group(groups, y, words[1], (folds, seed), classes)
     if words[0] == "order" and len(words) == 3 and words[2].endswith("%"):
         first, name = first_share(words[1], values_of(groups, words[1]), y, words[2])
-        return _one(name, groups, y, ~first)
+        return _one(name, groups, (y, classes), ~first)
     if words[0] == "order" and len(words) == 3:
-        return _by_order(groups, y, words[1], words[2])
+        return _by_order(groups, (y, classes), words[1], words[2])
     if words == ["random"]:
         names = np.arange(len(y)).astype(str)
         parts = _folds(names, y, (folds, seed), classes)
@@ -128,6 +128,19 @@ def split_by_table(
     if table.rows[0].key != "recording":
         key = table.rows[0].key
     return TrialSplit(f"folds of {table.name}", tuple(sides), key or "trial")
+
+
+def left_out(split: TrialSplit, trials: int) -> str | None:
+    """Return a note of trials that a table of folds does not name; None where it names all.
+
+    Args:
+        split: Of the table.
+        trials: How many there are.
+    """
+    named = {at for fold in split.folds for at in fold.train | fold.test}
+    if len(named) == trials:
+        return None
+    return f"{trials - len(named)} of {trials} trials stand on no side of {split.name}: left out"
 
 
 def trials_to_score(names: Sequence[str], groups: Groups, table: FoldTable) -> list[int]:
@@ -272,28 +285,44 @@ def _folds(
         own = len(set(values[y == rarest].tolist()))
         among = f" in {own} {key}{'s' * (own != 1)}" if key else ""
         raise BadSplit(
-            f"every class in every training part of {folds} folds",
+            f"at least {folds} trials of each class for {folds} folds" if folds > count
+            else f"every class in every training part of {folds} folds",
             f"{count} trials of {name}, the rarest{among}",
-            "choose a smaller --fold-count, or record more",
-        )
+            f"choose a --fold-count of at most {count}, or record more" if folds > count
+            else "choose a smaller --fold-count, or record more",
+        )  # fmt: skip
     return tuple(TrialFold.of(f"fold {i}", train, test) for i, (train, test) in enumerate(parts, 1))
 
 
-def _by_order(groups: Groups, y: NDArray[np.intp], key: str, last: str) -> TrialSplit:
+def _by_order(
+    groups: Groups, labels: tuple[NDArray[np.intp], Sequence[str]], key: str, last: str
+) -> TrialSplit:
     numbers = group_numbers(key, values_of(groups, key))
     try:
         limit = float(last)
     except ValueError as error:
         raise BadSplit("a number behind the group, as in order:day:3", repr(last),
                        "correct it, or write a share such as 70%") from error  # fmt: skip
-    return _one(f"{key} up to {limit:g} → above", groups, y, numbers > limit)
+    return _one(f"{key} up to {limit:g} → above", groups, labels, numbers > limit)
 
 
-def _one(name: str, groups: Groups, y: NDArray[np.intp], held: NDArray[np.bool_]) -> TrialSplit:
-    train, test = np.flatnonzero(~held), np.flatnonzero(held)
-    if not len(train) or not len(test) or set(y[train].tolist()) != set(y.tolist()):
+def _one(
+    name: str,
+    groups: Groups,
+    labels: tuple[NDArray[np.intp], Sequence[str]],
+    held: NDArray[np.bool_],
+) -> TrialSplit:
+    (y, classes), (train, test) = labels, (np.flatnonzero(~held), np.flatnonzero(held))
+    if not len(train) or not len(test):
         raise BadSplit(
-            "trials on both sides, and every class in the training part",
-            f"{len(train)} and {len(test)} trials", "name another split",
+            "trials on both sides", f"{len(train)} to train on and {len(test)} to test",
+            "name another split",
+        )  # fmt: skip
+    if unknown := sorted(set(y[test].tolist()) - set(y[train].tolist())):
+        of = repr(classes[unknown[0]]) if classes else f"class {unknown[0]}"
+        raise BadSplit(
+            "every class in the training part",
+            f"none of {of} there, {int((y == unknown[0]).sum())} to test",
+            "train on some of them too, leave them out, or name another split",
         )  # fmt: skip
     return TrialSplit(name, (TrialFold.of(name, train, test),), interval_group(groups) or "trial")

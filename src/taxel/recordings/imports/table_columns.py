@@ -25,11 +25,11 @@ from taxel.foreign.text_lines import lines_of
 from taxel.recordings.imports.table_form import (
     DecimalSign,
     TableForm,
-    cells_of,
     find_form,
     is_number,
     is_whole,
 )
+from taxel.recordings.imports.table_rows import rows_of
 from taxel.recordings.time_stamps import is_stamp, seconds_of
 
 LARGEST_TABLE = 1024 * MIB
@@ -88,7 +88,7 @@ def text_columns(
     where = _places(path, names, wanted, what)
     sign = DecimalSign(path, form.separator)
     stamped = where[wanted.index(stamps)] if stamps else -1
-    values = _values(path, _rows(path, below, form), form, where, sign, stamped)
+    values = _values(path, rows_of(path, below, form), form, where, sign, stamped)
     return TextColumns(
         values=values, first_line=form.first_line, decimal_comma=sign.comma,
         number_header=_some(names) if form.counting else "", one_more=form.one_more,
@@ -123,7 +123,7 @@ def text_cells(
     form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted, beside)
     what = f"a header with {_some(form.names)}" if form.named else f"{len(form.names)} columns"
     where = _places(path, form.names, wanted, what)
-    rows = _rows(path, below, form)
+    rows = rows_of(path, below, form)
     return form.first_line, ([row[place].strip() for place in where] for row in rows)
 
 
@@ -223,6 +223,8 @@ def npy_shape(path: Path) -> tuple[int, ...]:
 def read_cells(path: Path) -> list[list[str]]:
     """Return the cells of a small table, line by line, whatever separates them.
 
+    Columns and lines at its end that are empty throughout, as spreadsheets write them where a cell
+    was only formatted, are left out.
     The separator is the one of comma, semicolon and tab that stands most often in the first
     line that is no "#" remark; where a comma ties, it is taken for a decimal comma.
 
@@ -243,12 +245,22 @@ def read_cells(path: Path) -> list[list[str]]:
             rows.append(row)
     except csv.Error as error:
         raise BadTable("a table (CSV)", f"{path}: {error}", "save it again as CSV") from error
-    return rows
+    return _trimmed(rows)
+
+
+def _trimmed(rows: list[list[str]]) -> list[list[str]]:
+    """Return rows without empty ones at the end, and without empty columns behind the last name."""
+    while rows and not any(cell.strip() for cell in rows[-1]):
+        rows.pop()
+    width = max((at for row in rows for at, cell in enumerate(row, start=1) if cell.strip()),
+                default=0)  # fmt: skip
+    spare = max(len(rows[0]) - width, 0) if rows else 0
+    return [row[:width] if len(row) == width + spare else row for row in rows]
 
 
 def mend_number(cell: str) -> str:
     """Return how to mend a cell that is not a number: by its decimal comma, if it has one."""
-    if is_number(cell.replace(",", ".")):
+    if "," in cell and is_number(cell.replace(",", ".")):
         return "write decimal points, not commas"
     return "mend the file, or choose other columns"
 
@@ -266,44 +278,6 @@ def _raw_lines(path: Path, most: int) -> Iterator[str]:
 
 def _lines(path: Path, most: int) -> Iterator[str]:
     return (line.rstrip("\r\n") for line in _raw_lines(path, most))
-
-
-def _rows(path: Path, lines: Iterator[str], form: TableForm) -> Iterator[list[str]]:
-    """Yield the cells of each line, which must be as many as there are columns."""
-    width, blank = len(form.names) + form.one_more, 0
-    for number, line in enumerate(lines, start=form.first_line):
-        if not line:
-            blank = blank or number
-            continue
-        cells = cells_of(path, number, line, form.separator)
-        if blank or len(cells) != width:  # blank lines may only come last
-            raise _ragged(path, form, *((0, blank) if blank else (len(cells), number)))
-        if form.one_more and (odd := cells.pop().strip()):
-            raise BadTable(
-                "nothing behind the last name's column in every line, as in line "
-                f"{form.first_line}", f"{odd[:80]!r} in {path}, line {number}",
-                "name that column too, in the line of names",
-            )  # fmt: skip
-        yield cells
-
-
-def _ragged(path: Path, form: TableForm, count: int, number: int) -> BadTable:
-    """Return the error of a line that has another number of cells than there are columns."""
-    names, got = len(form.names), f"{count} in {path}, line {number}"
-    if form.one_more:
-        return BadTable(
-            f"{names} cells and a separator behind them in every line, as in line "
-            f"{form.first_line}", got, "write all lines alike",
-        )  # fmt: skip
-    if count < names:
-        mend = "mend the file, which may have been cut short"
-    elif form.named:
-        got += f", where {names} are named"
-        mend = "name every column in the line of names, or remove what stands in none"
-    else:
-        got += f", where line {form.first_line} has {names}"
-        mend = "put a line of names above, one for each column, or write all lines alike"
-    return BadTable(f"{names} cells in every line", got, mend)
 
 
 def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:

@@ -45,6 +45,8 @@ class TableForm:
     """Whether they are in a line that holds only numbers, which values could be, too."""
     first_line: int
     """Number of the line that holds the first row."""
+    spare: int = 0
+    """Empty cells behind the last name, in each row."""
     one_more: bool = False
     """Whether each row ends in a separator that the line of names does not end in."""
     passed_over: str = ""
@@ -63,8 +65,9 @@ def find_form(
     (as pandas does) or 1, and the line below does not. So is one with words, where it holds a time
     stamp, or numbers in columns that are asked for by their numbers (`_is_row`). Lines above it
     that begin with # are remarks; the last of them names the columns where it has as many words (as
-    NumPy writes it). Rows may end in a separator (as dumps of ROS do) where the names do not:
-    nothing stands behind it, in any row, so that no cell can belong to another name. Lines above
+    NumPy writes it). Rows may end in a separator (as dumps of ROS do) where the names do not, or
+    in empty cells without a name, as of spreadsheets: nothing stands in them, in any row, so that
+    no cell can belong to another name. Lines above
     that of the wanted names, and a line of units below it, are passed over (table_head.py).
 
     Args:
@@ -92,10 +95,11 @@ def find_form(
     cells = [] if second is None else cells_of(path, number + 1, second, separator)
     words = any(name and not _is_value(name) for name in top)
     if counting or (words and not _is_row(top, cells, {*wanted, *beside})):
-        one_more = len(cells) == len(top) + 1 and not cells[-1].strip()
+        count, spare = _named_columns(top, cells)
         units, below = _below_units(path, number + 1, cells, below, separator)
-        form = TableForm(separator=separator, names=tuple(top), named=True, counting=counting,
-                         first_line=number + 1 + bool(units), one_more=one_more,
+        form = TableForm(separator=separator, names=tuple(top[:count]), named=True,
+                         counting=counting, first_line=number + 1 + bool(units), spare=spare,
+                         one_more=len(cells) == len(top) + 1 and spare > 0,
                          passed_over=_passed_over(above_names, number + 1, units))  # fmt: skip
         return form, below
     names = above or [str(number) for number in range(1, len(top) + 1)]
@@ -127,6 +131,20 @@ def _is_row(top: Sequence[str], second: Sequence[str], asked: Set[str]) -> bool:
         and not any(_is_value(below) for cell, below in pairs if cell and not _is_value(cell))
         and not (numbers and count_columns(numbers))
     )
+
+
+def _named_columns(top: Sequence[str], second: Sequence[str]) -> tuple[int, int]:
+    """Return how many columns the names are of, and how many empty cells each row has behind them.
+
+    Args:
+        top: The names; those at the end may be empty.
+        second: Cells of the line below; none where there is no such line.
+    """
+    count = max((place for place, name in enumerate(top, start=1) if name), default=len(top))
+    spare = len(second) - count
+    if 0 <= spare <= len(top) - count + 1 and not any(cell.strip() for cell in second[count:]):
+        return count, spare
+    return len(top), 0
 
 
 def _below_units(

@@ -43,6 +43,11 @@ ALL = "*"
 """In the place of a channel's name: all columns but that of time."""
 TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Unit of a time column → seconds."""
+_DAY_S = 86_400.0
+"""A day, seconds."""
+_COUNTERS_S = (2**32 * 1e-6, 2**32 * 1e-3, 2**16 * 1e-3)
+"""Seconds after which counters begin anew: of 32 bits in microseconds, as Arduino's micros, and in
+milliseconds; of 16 bits in milliseconds."""
 STAMPS = "iso"
 """In the place of its unit: dates with times, or times of day (time_stamps.py)."""
 
@@ -275,6 +280,13 @@ def _no_increase(
 ) -> BadTable:
     """Return the error of times that stand still or go back; where they begin anew it says so."""
     steps, anew = np.diff(time_s), restarts_of(time_s)
+    if (wrapped := _began_anew(time_s, steps)) is not None:
+        row, mend = wrapped
+        return BadTable(
+            "times that increase from row to row",
+            f"{time_s[row]:.6g} s after {time_s[row - 1]:.6g} s in {path}, line {row + first_line}",
+            mend,
+        )
     back = int((steps < 0).sum())
     row = anew[0] if anew else int(np.argmax(steps < 0 if back else steps == 0)) + 1
     got = f"{time_s[row]:.6g} s after {time_s[row - 1]:.6g} s in {path}, line {row + first_line}"
@@ -294,7 +306,28 @@ def _no_increase(
         count = int((steps == 0).sum())
         got += f": {count} {'row has' if count == 1 else 'rows have'} the time of the row above"
         mend = "leave such rows out, or give a rate instead of a time column"
+        if 2 * count >= len(time_s) - 1:  # as of a table with a row for each channel
+            mend += "; if each row holds one channel, write the channels side by side, in columns"
     return BadTable("times that increase from row to row", got, mend)
+
+
+def _began_anew(time_s: NDArray[np.float64], steps: NDArray[np.float64]) -> tuple[int, str] | None:
+    """Return the row at which a clock began anew within a trial, and what to do; None without one.
+
+    At midnight, or where a counter's bits were used up: both are known by how far time goes back.
+    """
+    if time_s.min() >= 0 and time_s.max() < _DAY_S and steps.min() < -_DAY_S / 2:
+        mend = "if these are times of day, and midnight lies between, write the dates too"
+        return int(np.argmin(steps)) + 1, mend
+    usual = float(np.median(steps))
+    for period in _COUNTERS_S:
+        if 0 < 100 * usual < period and abs(period + steps.min() - usual) <= 2 * usual:
+            mend = (
+                f"if the device's counter of {period:.9g} s began anew there, add {period:.9g} s "
+                "to the times from that line on"
+            )
+            return int(np.argmin(steps)) + 1, mend
+    return None
 
 
 def _time_s(

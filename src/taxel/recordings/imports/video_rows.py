@@ -62,7 +62,7 @@ def read_video_rows(table: Path, data_dir: Path, *, outside: bool = False) -> li
     rows = [
         _row(table, number, columns, cells, data_dir, outside)
         for number, cells in enumerate(lines[1:], start=2)
-        if cells
+        if any(cell.strip() for cell in cells)
     ]
     if not rows:
         raise BadTable("at least one row", f"none in {table}", "add one a recording")

@@ -11,6 +11,11 @@ from taxel.evaluation.camera_trials.contenders import nothing_moves
 from taxel.evaluation.camera_trials.crossval import TrialResult
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.windows.trial_crops import LEAST_CROP
+from taxel.windows.trial_picture import brightest
+
+_BLACK = 4095 / 257
+"""Grey levels, 0…255, that an image never exceeds whose file of 16 bits holds values of 12. Source:
+12 bits are at most 4095, and decoders divide 16 bits by 257."""
 
 
 def frames_note(lengths: Sequence[int], crop: int) -> str | None:
@@ -35,11 +40,27 @@ def frames_note(lengths: Sequence[int], crop: int) -> str | None:
     )
 
 
+def black_note(level: float) -> str | None:
+    """Return what nearly black images may be; None where they are not.
+
+    Args:
+        level: The highest mean of a small part of an image, grey levels, 0…255.
+    """
+    if level > _BLACK:
+        return None
+    return (
+        f"nearly black: no part of an image is brighter than {level:.0f} of 255; if its file holds "
+        "10 or 12 bits in 16, scale the values to all 16 bits, or save them as 8 bits"
+    )
+
+
 def trial_notes(trials: TrialSet) -> list[str]:
-    """Return notes on what trials show: their frames, and whether anything moves in them."""
+    """Return notes on what trials show: their frames, and where nothing moves or all is dark."""
     found = [frames_note(trials.lengths.tolist(), trials.layout.crop)]
     if trials.layout.crop > 1 and nothing_moves(trials):
         found.append("nothing moves: all frames of each crop are alike")
+    if "picture" in trials.cut.shown:
+        found.append(black_note(brightest(trials.cut.shown["picture"])))
     return [note for note in found if note is not None]
 
 
