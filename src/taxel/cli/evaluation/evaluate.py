@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar
 
 import tyro
 
+from taxel.cli.cross_validation import print_checked
 from taxel.cli.evaluation.html_pages import older_page, say_page
 from taxel.cli.options.arrays import (
     FOLD_COUNT,
@@ -165,8 +166,6 @@ class Evaluate:
             }
             print_json(result)
             return
-        from taxel.cli.training.train import print_checked
-
         print_checked(checked)
         if checked.cached:
             say(f"{checked.cached} folds of library models were kept; --fresh fits them")
