@@ -11,7 +11,8 @@ import pytest
 
 from taxel.actions.interlock import Interlock, InterlockConfig
 from taxel.bundles.shipped import CUP_POUR, find_bundle, shipped_bundle
-from taxel.cli.live.station import _press, _still_to_arm
+from taxel.cli.live.station import _still_to_arm
+from taxel.cli.live.station_screen import press
 from taxel.cli.main import main
 from taxel.errors import BadBundle
 from taxel.live.station.wiring import StationConfig
@@ -92,14 +93,14 @@ def test_what_cannot_be_recorded_or_gripped_is_refused_before_anything_is_opened
 def test_the_key_d_disarms():
     pressed: list[str] = []
     station = SimpleNamespace(disarm=lambda: pressed.append("disarm"))
-    _press("d", station)  # type: ignore[arg-type]
+    press("d", station)  # type: ignore[arg-type]
     assert pressed == ["disarm"]
 
 
 @pytest.mark.parametrize(("key", "said"), [("s", "pour stopped"), ("x", "dropped")])
 def test_keys_say_what_the_person_did_and_what_came_of_it(key: str, said: str):
     heard: list[str] = []
-    _press(key, SimpleNamespace(react=heard.append))  # type: ignore[arg-type]
+    press(key, SimpleNamespace(react=heard.append))  # type: ignore[arg-type]
     assert heard == [said]
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taxel.cli.live.station import answers_lines
+from taxel.cli.live.summaries import answers_lines
 from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.cli.recordings.recording import SUMMARY_FOLLOWS, stop_signals
 
