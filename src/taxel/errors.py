@@ -42,7 +42,7 @@ class BadInput(TaxelError, ValueError):
         super().__init__(" ".join(f"needed {needed}; got {got}; {mend}.".splitlines()))
 
     def __reduce__(self) -> tuple[type[BadInput], tuple[str, str, str]]:
-        """Cross from a worker process as what it was made of, not as its message."""
+        """Pickle by the constructor's arguments, so that a worker's error arrives whole."""
         return type(self), (self.needed, self.got, self.mend)
 
 
@@ -90,7 +90,7 @@ class WorkerLost(TaxelError, RuntimeError):
         )
 
     def __reduce__(self) -> tuple[type[WorkerLost], tuple[str, str, int]]:
-        """Cross from a worker process as what it was made of, not as its message."""
+        """Pickle by the constructor's arguments, so that a worker's error arrives whole."""
         return type(self), self._made_of
 
 
@@ -105,5 +105,5 @@ class MissingExtra(TaxelError, ImportError):
         )
 
     def __reduce__(self) -> tuple[type[MissingExtra], tuple[str, str, str]]:
-        """Cross from a worker process as what it was made of, not as its message."""
+        """Pickle by the constructor's arguments, so that a worker's error arrives whole."""
         return type(self), self._made_of

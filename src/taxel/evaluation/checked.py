@@ -40,7 +40,7 @@ BARS = ("minirocket", "extra-trees")
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """An accuracy with its company."""
+    """A cross-validation: the recipe's scores beside baselines on the same folds."""
 
     dataset: Dataset
     recipe: Recipe

@@ -62,7 +62,7 @@ docs/decisions/0039."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """What is to be predicted of which recordings, and how that is judged."""
+    """A training by search: the recordings, the label, and the split that judges it."""
 
     data: Path
     """A folder of recordings."""
@@ -232,7 +232,7 @@ def _within(
 
 
 def _over(measured: Measured, limits: Limits, members: int) -> tuple[str, ...]:
-    """Return what must be said of a bundle that is beyond its limits all the same."""
+    """Return warnings on a bundle that is over its limits of time or size."""
     over = []
     if measured.us > limits.most_us:
         over.append(

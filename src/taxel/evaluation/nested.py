@@ -66,7 +66,7 @@ class Nested:
 
     @property
     def warning(self) -> str | None:
-        """What must be said where the accuracy is not clear of trivial baselines."""
+        """A warning where the accuracy is not clearly above the trivial baselines; else None."""
         scores = self.scores
         interval = scores.intervals[scores.group]
         if scores.scores.accuracy == self.by_trial.accuracy == 1.0:  # resampled, it has no width

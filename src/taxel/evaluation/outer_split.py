@@ -23,7 +23,7 @@ FOLDS = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OuterSplit:
-    """What the outer folds are made by."""
+    """How the outer folds are made: a named split, one from elsewhere, or the usual one."""
 
     named: str | None = None
     """As `parse_split` takes it; unless given the other folder, or else the coarsest groups."""

@@ -43,7 +43,7 @@ class GroupPair:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paired:
-    """What can be said of two runs."""
+    """The comparison of two runs on the same test windows."""
 
     target: str
     split: str

@@ -69,7 +69,7 @@ class ReliabilityBin:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunScores:
-    """A run's test predictions, judged."""
+    """Scores of a run's test predictions."""
 
     scores: Scores
     group: str
@@ -89,7 +89,7 @@ class RunScores:
 
 
 def judge(predictions: Predictions) -> RunScores:
-    """Return all that can be said of a run's test predictions."""
+    """Return accuracy, intervals, reliability and group scores of a run's test predictions."""
     y, probabilities, correct = predictions.y, predictions.probabilities, predictions.correct
     main = coarsest_of(predictions)
     owner = predictions.group(main)

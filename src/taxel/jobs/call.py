@@ -42,7 +42,7 @@ class Call:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Done:
-    """What came of a job, and where it ran."""
+    """A finished job: its result or error, and where it ran."""
 
     result: Any
     error: BaseException | None

@@ -25,7 +25,7 @@ _CPU_FILE = Path("/proc/cpuinfo")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Made:
-    """How and with what a result was made."""
+    """Command line, time and software versions by which a result was made."""
 
     command: str = ""
     """The command line; empty where no command was given, as from a script."""

@@ -66,7 +66,7 @@ class Hand:
     )  # fmt: skip
 
     def run(self) -> None:
-        """Do it and say what became of it."""
+        """Move the fingers, then print their states and currents."""
         self._check()
         result = use_hand(
             self.action, self.hand, fingers=self.fingers, closed=self.closed,

@@ -18,7 +18,7 @@ KEY_OF_STEP = {"ready": "", "again": "r", "discard": "d"}
 
 @dataclass(frozen=True, slots=True)
 class Shower:
-    """Where a session shows what it does."""
+    """Shows how a plan of trials goes on, in the terminal and on the page."""
 
     line: Callable[..., None]
     """Shows a line in the terminal."""

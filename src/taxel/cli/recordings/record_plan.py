@@ -37,7 +37,7 @@ _NO_LAST = f"there is no last trial to discard now; {_TWO_KEYS}"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanRecording:
-    """What was asked for, as the verb's options say it."""
+    """The options of `taxel record --plan`."""
 
     source: str
     plan: Path
@@ -52,7 +52,7 @@ class PlanRecording:
 
 
 def record_plan(options: PlanRecording, stopped: Callable[[], bool]) -> None:
-    """Record what is missing of a plan, then say how far it is."""
+    """Record the trials of a plan that are not done yet, then print how many are."""
     trials = read_plan(options.plan)
     done = done_of(trials, options.output)
     show_line = say_aside if options.json else say

@@ -149,7 +149,7 @@ def _copies(case: Case) -> list[Finding]:
 
 
 def make_case(touch: TouchSet, split: tuple[Pieces, Sides] | None, steps: int, seed: int) -> Case:
-    """Return what every check is given."""
+    """Return the input of every check, with folds that suit the split."""
     key = honest_key(touch)
     pieces, sides = split if split is not None else (cut_pieces(touch, steps, steps), None)
     folds = trial_folds(touch.y, None if key is None else touch.group(key), seed)

@@ -33,11 +33,11 @@ _CHECKED = 32
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Final:
-    """A bundle, and what is in it."""
+    """A recogniser of camera trials as a bundle, with the figures of its training."""
 
     bundle: bytes
     parity: float
-    """Largest difference further the bundle's numbers and the trained models'."""
+    """Largest difference between the bundle's probabilities and the trained models'."""
     members: Mapping[str, float]
     """Member → weight."""
     inner: Mapping[str, float]

@@ -45,7 +45,7 @@ class Labelled:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Probed:
-    """What a probe says of trials that it was not fitted on."""
+    """A linear probe's predictions for trials held out of its fit."""
 
     name: str
     probabilities: NDArray[np.float64]

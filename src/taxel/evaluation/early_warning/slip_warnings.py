@@ -64,7 +64,7 @@ class WarningTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Promise:
-    """A threshold and what it gave on the pours that it was chosen on."""
+    """A slip warning's threshold for a promised rate of false alarms, with the rate found."""
 
     threshold: float
     interval: Interval

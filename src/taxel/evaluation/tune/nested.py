@@ -58,7 +58,7 @@ class Tuned:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extent:
-    """How much is searched and judged."""
+    """Size of a nested search: trials, outer folds, and whether it is scored."""
 
     trials: int
     """Finished trials of each search."""

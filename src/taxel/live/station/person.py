@@ -85,7 +85,7 @@ class Person:
             self._on_trial(trial)
 
     def advice(self, answers: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
-        """Return what the page says is to be done; None where there is nothing to say.
+        """Return the advice that the page shows, or the recognisers' actions; None for neither.
 
         Args:
             answers: The newest of each recogniser: where no grasp is watched, their actions.

@@ -39,7 +39,7 @@ STAR_CELL = "star:"
 
 @dataclass(frozen=True, slots=True)
 class OneOfMany:
-    """What one trial of a row is."""
+    """One of the trials that a row of an import table stands for."""
 
     trial: Trial
     name: str

@@ -84,7 +84,7 @@ class EmulatedBoard:
         return b"\x00" + self.hello()
 
     def hello(self) -> bytes:
-        """Return who it is, as a frame."""
+        """Return the board's hello message, framed."""
         return self._frame(
             Hello(
                 board=self.board,

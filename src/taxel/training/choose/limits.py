@@ -42,7 +42,7 @@ Source: our choice, docs/decisions/0039."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What choosing and its result may take."""
+    """Limits of a search's time and of its bundle's size and speed."""
 
     minutes: float = MINUTES
     most_mb: float = MOST_MB
@@ -126,7 +126,7 @@ def fit_within(
 
 @dataclass(frozen=True, slots=True)
 class _Way:
-    """One thing that could be given up."""
+    """One way to make a choice cheaper: a choice without some of its candidates."""
 
     name: str
     choice: Choice

@@ -303,7 +303,7 @@ def out_of_fold(
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """All that was tried, from which a blend is made."""
+    """Every candidate that was tried, from which a blend is chosen."""
 
     base: Base
     part: Part
