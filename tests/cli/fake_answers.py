@@ -16,7 +16,7 @@ FAKED = {
     "BackboneExtractor",
     "Station",
     "Bundle",
-    "Made",
+    "Provenance",
     "Manifest",
     "Correction",
     "StationPage",

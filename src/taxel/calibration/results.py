@@ -24,7 +24,7 @@ Interval = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Taken:
+class PressedRecording:
     """One calibration recording with the known forces that were applied in it."""
 
     samples: Samples

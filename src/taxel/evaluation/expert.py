@@ -40,8 +40,8 @@ from taxel.training.choose.preparations import (
     prepare,
     prepare_all,
 )
-from taxel.training.choose.search import Effort, Found, choose
-from taxel.training.environment import Made, code_digest, environment
+from taxel.training.choose.search import Effort, SearchResult, choose
+from taxel.training.environment import Provenance, code_digest, environment
 from taxel.training.loop import TrainConfig
 from taxel.training.run import Run, contract_of
 from taxel.training.unknown import check_enough, fit_unknown
@@ -210,7 +210,7 @@ def _held(base: Base, split: Split) -> Held:
 
 
 def _within(
-    found: Found,
+    found: SearchResult,
     fitted: Fitted,
     own: Sequence[int],
     nested: Nested | None,
@@ -344,7 +344,7 @@ def _run_of(
         data=str(base.path),
         predictions=None if nested is None else nested.predictions,
         trivial={} if nested is None else nested.trivial,
-        made=Made.now(),
+        made=Provenance.now(),
     )
 
 

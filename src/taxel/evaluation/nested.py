@@ -32,7 +32,7 @@ from taxel.training.choose.inner_folds import what_is_held
 from taxel.training.choose.joining import join
 from taxel.training.choose.limits import USUAL_LIMITS, Fitted, Limits, fit_within
 from taxel.training.choose.preparations import Base, Prepared
-from taxel.training.choose.search import Effort, Found, choose
+from taxel.training.choose.search import Effort, SearchResult, choose
 from taxel.training.predictions import Predictions
 
 
@@ -100,7 +100,7 @@ def check_choosing(
     effort: Effort,
     bars: Sequence[str] = (),
     limits: Limits = USUAL_LIMITS,
-    known: tuple[Found, Fitted] | None = None,
+    known: tuple[SearchResult, Fitted] | None = None,
 ) -> Nested:
     """Choose, train and test in each fold of a split.
 

@@ -41,7 +41,7 @@ class Call:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Done:
+class JobResult:
     """A finished job: its result or error, and where it ran."""
 
     result: Any
@@ -63,7 +63,7 @@ class Done:
         return self.result
 
 
-def perform(call: Call) -> Done:
+def perform(call: Call) -> JobResult:
     """Do a job in this process; what it raises comes back as a value."""
     started, error, result, trace = perf_counter(), None, None, ""
     token = _INSIDE.set(True)
@@ -74,7 +74,7 @@ def perform(call: Call) -> Done:
         error, trace = _portable(raised), "".join(traceback.format_exception(raised))
     finally:
         _INSIDE.reset(token)
-    return Done(
+    return JobResult(
         result=result,
         error=error,
         trace=trace,

@@ -12,7 +12,7 @@ pytest.importorskip("optuna", reason="optuna is not installed: pip install 'taxe
 from taxel.errors import BadInput
 from taxel.evaluation.tune import study as study_module
 from taxel.evaluation.tune.space import SETTINGS, Space
-from taxel.evaluation.tune.study import Found, Search, Store, open_store
+from taxel.evaluation.tune.study import BestSettings, Search, Store, open_store
 from taxel.training.recipes import find_recipe
 
 RECIPE = find_recipe("teng")
@@ -52,7 +52,7 @@ def search(work: Callable[[Any], float], trials: int = 7, folds: int = 2) -> Sea
     )  # fmt: skip
 
 
-def run(url: str, what: Search) -> Found:
+def run(url: str, what: Search) -> BestSettings:
     with open_store(url) as store:
         return store.search(what, lambda _: None)
 

@@ -112,7 +112,7 @@ class Evaluate:
 
     def _folder(self, path: Path) -> None:
         from taxel.evaluation.checked import BARS, check_recipe
-        from taxel.evaluation.kept_folds import Keeping, folds_folder, forget_folds
+        from taxel.evaluation.kept_folds import FoldStore, folds_folder, forget_folds
         from taxel.training.frames.features import default_cache
 
         given = split_given(self.split, self.folds, self.test)
@@ -133,7 +133,7 @@ class Evaluate:
                 folds=self.fold_count,
                 bars=BARS if self.comparators else (),
                 given=given,
-                keep=Keeping(
+                keep=FoldStore(
                     folder=None if self.output is None else folds_folder(self.output),
                     cache=default_cache(),
                     fresh=self.fresh,

@@ -393,6 +393,6 @@ def _load(path: Path) -> Run:
 
 
 def _made(run: Run) -> Run:
-    from taxel.training.environment import Made
+    from taxel.training.environment import Provenance
 
-    return replace(run, made=Made.now())
+    return replace(run, made=Provenance.now())

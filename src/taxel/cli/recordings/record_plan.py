@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taxel.cli.printing import console, print_json, say, say_aside
-from taxel.cli.recordings.plan_page import Shower, open_shower
+from taxel.cli.recordings.plan_page import PlanDisplay, open_shower
 from taxel.cli.recordings.recording import record_source
 from taxel.clock import SystemClock
 from taxel.errors import BadInput
@@ -108,7 +108,7 @@ class _Session:
         stack: ExitStack,
         keys: Keys | None,
         stopped: Callable[[], bool],
-        shower: Shower,
+        shower: PlanDisplay,
     ) -> None:
         self._options, self._stack, self._keys = options, stack, keys
         self._stopped, self._shower = stopped, shower

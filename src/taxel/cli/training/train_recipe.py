@@ -17,7 +17,7 @@ from taxel.plain_text import visible_names
 if TYPE_CHECKING:
     from taxel.decisions.unknown import Unknown
     from taxel.evaluation.checked import Checked
-    from taxel.evaluation.table_split import Elsewhere
+    from taxel.evaluation.table_split import GivenSplit
     from taxel.training.recipes import Recipe
     from taxel.training.run import Run
 
@@ -31,7 +31,7 @@ class RecipeTraining:
     output: Path
     """The run's folder."""
     recipe: Recipe
-    given: Elsewhere
+    given: GivenSplit
     """A split from a table or a folder of tests, if there is one."""
     folds: int | None
     """Folds of the cross-validation; None leaves it out."""
@@ -83,7 +83,7 @@ def train_recipe(training: RecipeTraining) -> None:
 def _cross_validate(training: RecipeTraining, on_step: Callable[[str], None]) -> Checked:
     """Return the recipe's cross-validation; finished folds are kept beside the run until then."""
     from taxel.evaluation.checked import check_recipe
-    from taxel.evaluation.kept_folds import Keeping, folds_folder
+    from taxel.evaluation.kept_folds import FoldStore, folds_folder
 
     assert training.folds is not None
     return check_recipe(
@@ -92,7 +92,7 @@ def _cross_validate(training: RecipeTraining, on_step: Callable[[str], None]) ->
         folds=training.folds,
         bars=(),
         given=training.given,
-        keep=Keeping(folds_folder(training.output), fresh=training.fresh),
+        keep=FoldStore(folds_folder(training.output), fresh=training.fresh),
         on_step=on_step,
     )
 
@@ -129,10 +129,10 @@ def _train_on_all(training: RecipeTraining, on_step: Callable[[str], None]) -> R
 
 def _with_scores(run: Run, checked: Checked | None) -> Run:
     """Return the run as it is kept: with its accuracy and predictions, and how it was made."""
-    from taxel.training.environment import Made
+    from taxel.training.environment import Provenance
 
     contract = replace(run.contract, accuracy=_accuracy(checked))
-    run = replace(run, contract=contract, made=Made.now())
+    run = replace(run, contract=contract, made=Provenance.now())
     if checked is None:
         return run
     return replace(

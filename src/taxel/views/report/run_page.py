@@ -18,7 +18,7 @@ from taxel.evaluation.cards.latency import NetworkLatency
 from taxel.evaluation.paired import compare_runs
 from taxel.evaluation.run_scores import RunScores, judge
 from taxel.recordings.trial_log import GraspTrial
-from taxel.training.environment import Made
+from taxel.training.environment import Provenance
 from taxel.training.run import Run
 from taxel.views.report.audit_part import audit_part
 from taxel.views.report.data_part import card_of_recordings, card_of_run, drawn_split
@@ -65,7 +65,7 @@ class RunPage:
     """Log → its grasps."""
     tables: Mapping[str, Any] = field(default_factory=dict)
     """File → parsed JSON of `taxel reproduce`."""
-    made: Made = Made()  # noqa: RUF009  # frozen
+    made: Provenance = Provenance()  # noqa: RUF009  # frozen
     """How this page is made."""
 
 
