@@ -50,7 +50,7 @@ class Checked:
     trivial: dict[str, float]
     """Trivial baseline → accuracy, 0…1."""
     predictions: Predictions
-    """What the recipe's own model said of each test window."""
+    """The recipe's own predictions for each test window."""
     curves: tuple[Curve, ...] = ()
     """How its network learned in each fold; none of a model without epochs."""
     kept: int = 0

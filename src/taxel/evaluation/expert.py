@@ -183,7 +183,7 @@ def train_expert(
 
 
 def _table_notes(base: Base, folds: Split, split: OuterSplit) -> tuple[str, ...]:
-    """Return what must be said of a table of folds; nothing where there is none."""
+    """Return notes on a table of folds; empty without one."""
     if split.given.table is None:
         return ()
     return (*folds.notes, *objects_on_both(base.trials, base.y, folds))

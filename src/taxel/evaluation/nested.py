@@ -204,7 +204,7 @@ def check_choice(
 
 
 def _test(base: Base, blend: nn.Module, choice: Choice, own: Prepared, test: list[int]) -> _Tested:
-    """Return what is said of a fold's test windows, of which a gate may leave none."""
+    """Return predictions for a fold's test windows, of which a gate may leave none."""
     index = np.flatnonzero(np.isin(own.trial, test) & own.scored)
     found = predict_blend(blend, own, index, len(base.dataset.classes(base.target)))
     return _Tested(own, index, found, join(choice.joining, own.trial[index], found))

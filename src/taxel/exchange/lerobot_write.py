@@ -275,7 +275,7 @@ class _Writer:
         tasks: Sequence[str],
         stats: dict[str, Stats],
     ) -> dict[str, Any]:
-        """Return what meta/episodes says of an episode."""
+        """Return an episode's row of meta/episodes."""
         manifest, own = episode.manifest, layout.OWN
         marks = [asdict(mark) for mark in episode.marks]
         row: dict[str, Any] = {

@@ -127,7 +127,7 @@ class _Worker:
         return f"ended with exit code {code}"
 
     def perform(self, call: Call) -> JobResult:
-        """Return what came of a job.
+        """Return a job's result.
 
         Raises:
             EOFError, OSError: The process ended.

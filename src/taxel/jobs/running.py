@@ -169,7 +169,7 @@ def width() -> int:
 
 
 def take(engine: Engine, name: str, future: Future[JobResult]) -> JobResult:
-    """Return what came of a job.
+    """Return a job's result.
 
     Raises:
         WorkerLost: The engine gave it up.

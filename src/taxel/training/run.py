@@ -65,7 +65,7 @@ class Run:
     data: str
     """The data set's path, as it was given."""
     predictions: Predictions | None = None
-    """What the cross-validation said of each test window; None where there was none."""
+    """The cross-validation's predictions for each test window; None without one."""
     trivial: Mapping[str, float] = field(default_factory=dict)
     """Trivial baseline → accuracy on the same folds, 0…1."""
     curves: tuple[Curve, ...] = ()

@@ -162,7 +162,7 @@ def build_sketch(network: Path, elf: Path, options: tuple[str, ...] = ()) -> Pat
 def _wanted(
     chip: OnChip, scans: NDArray[np.uint16], sensor: SensorInfo
 ) -> list[tuple[int, int | None, int, int]]:
-    """Return what Python says of the same scans, by its own windows."""
+    """Return Python's answers to the same scans, by its own windows."""
     n = len(scans)
     time_s = np.arange(n) / TICK_HZ
     volts = chip.converter.volts(scans)

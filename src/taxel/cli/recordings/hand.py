@@ -182,7 +182,7 @@ def _summary(actuator: HandActuator, moved: Moved) -> dict[str, Any]:
 
 
 def _line(action: str, result: dict[str, Any]) -> str:
-    """Return what became of it, for a person."""
+    """Return the result as a line of text."""
     ended = {"there": "fingers rest", "time": "time is out", "stopped": "ended by a person"}
     largest = ", ".join(map(str, result["largest_ma"])) or "none"
     parts = [

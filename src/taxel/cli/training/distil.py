@@ -196,7 +196,7 @@ class Distil:
                             bf16=self.bf16, seed=self.seed)  # fmt: skip
 
     def _about(self, teacher: BackboneExtractor, start: str, seen: str, unseen: Agreement) -> Any:
-        """Return what the file of weights says of itself."""
+        """Return the description that the file of weights holds."""
         from taxel.models.backbones.catalogue import find_backbone
         from taxel.models.published.about import About
 

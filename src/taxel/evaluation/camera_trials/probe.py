@@ -92,7 +92,7 @@ def probe(
     seed: int = 0,
     on_step: Callable[[str], None] = lambda line: None,
 ) -> ProbeResult:
-    """Return what a probe says of each fold's test trials.
+    """Return a probe's predictions for each fold's test trials.
 
     Args:
         name: Of what is probed.

@@ -105,7 +105,7 @@ def alarm_config(threshold: float) -> StabilityConfig:
 
 
 def judge_track(track: WarningTrack, threshold: float) -> RunOutcome:
-    """Return what became of one pour.
+    """Return the outcome of one pour.
 
     Args:
         track: The pour.

@@ -142,7 +142,7 @@ class Cameras:
         return []
 
     def ledgers(self) -> tuple[CameraLedger, ...]:
-        """Return what became of each camera's frames so far; empty once closed."""
+        """Return each camera's ledger so far; empty once closed."""
         return tuple(link.ledger() for link in self._links)
 
     def __enter__(self) -> Self:

@@ -57,7 +57,7 @@ class Tries(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Cuts:
-    """What became of the ways to cut."""
+    """The best way to cut recordings into windows, and the ways that were given up."""
 
     best: Part
     behind: tuple[str, ...] = ()
