@@ -72,7 +72,7 @@ class StationOptions:
 
 def live_station(options: StationOptions) -> dict[str, Any]:
     """Run a station until its time is over, its sources have ended, or the user stops it."""
-    from taxel.cli.live.bus import check_bus, open_bus
+    from taxel.cli.live.bus import check_bus
     from taxel.live.station.station import Station
     from taxel.recordings.part_file import check_output
     from taxel.views.keys import Keys
@@ -95,14 +95,7 @@ def live_station(options: StationOptions) -> dict[str, Any]:
         )
         station = stack.enter_context(Station(config))
         keys = stack.enter_context(Keys())
-        for actuator in actuators:
-            station.drive(actuator)
-        if options.gripper == SIMULATED:
-            _drive_simulated(options, station)
-        _open_page(options, station)
-        for line in open_bus(station, options.publish):
-            _note(options, line)
-        _start_recording(options, station)
+        _open_outputs(options, station, actuators)
         for url in station.wiring.unwatched:
             _note(options, f"nothing watches {url}: name one more bundle with --also")
         events = EventLines(printer)
@@ -153,6 +146,20 @@ def _station_config(options: StationOptions, actuators: Sequence[Actuator]) -> S
         guard=GuardConfig(silent_s=_PATIENT_S) if simulated else GuardConfig(),
         interlock=replace(interlock, **_PATIENCE) if simulated else interlock,
     )
+
+
+def _open_outputs(options: StationOptions, station: Station, actuators: Sequence[Actuator]) -> None:
+    """Connect what a station drives and feeds: grippers, page, publishers and the recording."""
+    from taxel.cli.live.bus import open_bus
+
+    for actuator in actuators:
+        station.drive(actuator)
+    if options.gripper == SIMULATED:
+        _drive_simulated(options, station)
+    _open_page(options, station)
+    for line in open_bus(station, options.publish):
+        _note(options, line)
+    _start_recording(options, station)
 
 
 def _start_recording(options: StationOptions, station: Station) -> None:

@@ -144,23 +144,11 @@ def _sections(page: RunPage, judged: Mapping[str, RunScores]) -> list[tuple[str,
                  (list(own.values()) for own in alike) if run.predictions is not None]  # fmt: skip
         parts.append(("split", "Split", join(drawn)))
     if page.audits:
-        parts.append(
-            (
-                "audit",
-                "Audit",
-                join(
-                    [
-                        join(
-                            [
-                                tag("h3", split_name(audit.split)) if audit.split else "",
-                                audit_part(audit),
-                            ]
-                        )
-                        for audit in page.audits
-                    ]
-                ),
-            )
-        )
+        audits = [
+            join([tag("h3", split_name(audit.split)) if audit.split else "", audit_part(audit)])
+            for audit in page.audits
+        ]
+        parts.append(("audit", "Audit", join(audits)))
     if alike:
         inside = [accuracies(own, judged, inks) for own in alike]
         inside.append(published_beside({n: r for n, r in page.runs.items() if n in judged}, judged))
