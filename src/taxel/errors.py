@@ -47,7 +47,7 @@ class BadInput(TaxelError, ValueError):
 
 
 class BadFile(BadInput):
-    """A file is no plain file, larger than is read, or nested or packed beyond measure."""
+    """A file is not a plain file, too large, or nested or packed too deeply."""
 
 
 class BadTable(BadInput):

@@ -1,4 +1,4 @@
-"""One job as it travels: a function of a module, its arguments, and what came of it.
+"""One job as it travels: a function of a module, its arguments, and its result.
 
 Arguments are paths and configurations, never arrays or open things: a job is small, and can be
 given to another worker when its own was killed. Knows nothing about engines.

@@ -72,16 +72,10 @@ class StationOptions:
 
 def live_station(options: StationOptions) -> dict[str, Any]:
     """Run a station until its time is over, its sources have ended, or the user stops it."""
-    from taxel.cli.live.bus import check_bus
     from taxel.live.station.station import Station
-    from taxel.recordings.part_file import check_output
     from taxel.views.keys import Keys
 
-    check_bus(options.publish)
-    if options.arm and options.gripper is None:
-        raise BadInput("--gripper with --arm", "no gripper", "name one, or leave --arm out")
-    if options.record is not None:
-        check_output(options.record, options.overwrite)
+    _check(options)
     with ExitStack() as stack:
         printer = PrinterThread()
         stack.callback(printer.close)
@@ -121,6 +115,18 @@ def live_station(options: StationOptions) -> dict[str, Any]:
     if station.failed or station.recording.get("error"):
         raise SystemExit(1)
     return result
+
+
+def _check(options: StationOptions) -> None:
+    """Refuse options that cannot work, before anything is opened."""
+    from taxel.cli.live.bus import check_bus
+    from taxel.recordings.part_file import check_output
+
+    check_bus(options.publish)
+    if options.arm and options.gripper is None:
+        raise BadInput("--gripper with --arm", "no gripper", "name one, or leave --arm out")
+    if options.record is not None:
+        check_output(options.record, options.overwrite)
 
 
 def _station_config(options: StationOptions, actuators: Sequence[Actuator]) -> StationConfig:

@@ -60,7 +60,7 @@ class Person:
         self._reactions.watch(decision.state, given.advice.value, now_s)
 
     def say(self, what: str, now_s: float) -> None:
-        """Hear what the person did, or what came of the grasp.
+        """Log the person's reaction to the grasp, or its outcome.
 
         Raises:
             ValueError: It is neither.

@@ -140,7 +140,7 @@ class Station:
         return self._recorder.newest
 
     def react(self, what: str) -> None:
-        """Log what a person did about the grasp, or what came of it.
+        """Log a person's reaction to the grasp, or its outcome.
 
         Raises:
             ValueError: It is neither.

@@ -111,7 +111,7 @@ class PersonLog(Protocol):
     """A page link that can log a person's reactions."""
 
     def react(self, what: str) -> str:
-        """Log what a person did about the grasp, or what came of it; return "" or why not.
+        """Log a person's reaction to the grasp, or its outcome; return "" or why not.
 
         Args:
             what: A word of `trial_log.REACTIONS` or `OUTCOMES`.
