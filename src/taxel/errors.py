@@ -98,7 +98,9 @@ class MissingExtra(TaxelError, ImportError):
     """An optional package is missing; the message names the extra to install."""
 
     def __init__(self, package: str, extra: str, purpose: str) -> None:
-        self._made_of = (package, extra, purpose)
+        self.package = package
+        self.extra = extra
+        self.purpose = purpose
         super().__init__(
             f"needed the package {package} for {purpose}; it is not installed; "
             f"run: pip install 'taxel[{extra}]'."
@@ -106,4 +108,4 @@ class MissingExtra(TaxelError, ImportError):
 
     def __reduce__(self) -> tuple[type[MissingExtra], tuple[str, str, str]]:
         """Pickle by the constructor's arguments, so that a worker's error arrives whole."""
-        return type(self), self._made_of
+        return type(self), (self.package, self.extra, self.purpose)

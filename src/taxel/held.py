@@ -36,13 +36,14 @@ _NO_LOCKS = (errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK)
 
 
 @contextmanager
-def scratch_folder(beside: Path) -> Iterator[Path]:
+def scratch_folder(beside: Path, option: str = "--output") -> Iterator[Path]:
     """Give an empty folder on the same disk as an output, which goes when the block ends.
 
     First removes those that killed processes left there; nothing else is ever removed.
 
     Args:
         beside: The output; its parent is made where it is missing.
+        option: By which another is chosen; empty names none.
 
     Raises:
         RecordingFailed: The disk refused.
@@ -53,13 +54,13 @@ def scratch_folder(beside: Path) -> Iterator[Path]:
         prefix = f"{_PREFIX}{beside.name[:60]}-"
         folder = Path(tempfile.mkdtemp(prefix=prefix, dir=beside.parent))
     except OSError as error:
-        raise _refused(beside, error) from error
+        raise _refused(beside, error, option) from error
     owner = None
     try:
         try:
             owner = _own(folder, beside)
         except OSError as error:
-            raise _refused(beside, error) from error
+            raise _refused(beside, error, option) from error
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
@@ -228,7 +229,7 @@ def _pid_in(path: Path) -> str:
 
 
 def _refused(output: Path, error: OSError, option: str = "--output") -> RecordingFailed:
+    place = f"another place with {option}" if option else "another place"
     return RecordingFailed(
-        f"needed to write {output}; got {error.strerror or error}; "
-        f"make room or choose another place with {option}."
+        f"needed to write {output}; got {error.strerror or error}; make room or choose {place}."
     )

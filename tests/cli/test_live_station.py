@@ -13,6 +13,7 @@ from taxel.actions.interlock import Interlock, InterlockConfig
 from taxel.bundles.shipped import CUP_POUR, find_bundle, shipped_bundle
 from taxel.cli.live.station import _still_to_arm
 from taxel.cli.live.station_screen import press
+from taxel.cli.live.summaries import print_station_summary
 from taxel.cli.main import main
 from taxel.errors import BadBundle
 from taxel.live.station.wiring import StationConfig
@@ -102,6 +103,27 @@ def test_keys_say_what_the_person_did_and_what_came_of_it(key: str, said: str):
     heard: list[str] = []
     press(key, SimpleNamespace(react=heard.append))  # type: ignore[arg-type]
     assert heard == [said]
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        ("", "recorded: a.mcap: 9 scans"),
+        ("needed a.mcap.part; it was removed.", "taken in: 9 scans"),
+    ],
+)
+def test_the_summary_says_what_it_counts_and_calls_nothing_recorded_that_failed(
+    capsys: pytest.CaptureFixture[str], error: str, line: str
+):
+    counts = {"produced": 7, "consumed": 5, "dropped": 2, "starts": 1}
+    print_station_summary({
+        "answers": [], "alarms": {"counts": {"raised": 0, "acknowledged": 0}}, "state": "NONE",
+        "trials": [], "processes": {"monitor": counts}, "latency_ms": {},
+        "recording": {"path": "a.mcap", "error": error, "ledger": {"scans": 9}},
+    })  # fmt: skip
+    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    assert lines[0] == "monitor: 7 messages produced, 5 received, 2 lost"
+    assert lines[1:] == ([error, line] if error else [line])
 
 
 def test_who_disarms_before_it_could_be_armed_is_not_overruled_by_arm():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from taxel.evaluation.crossval import FoldPredictions
 from taxel.evaluation.kept_folds import KeptFolds, folds_folder, forget_folds
 from taxel.evaluation.splits import WindowFold
 from taxel.jobs import call
+from taxel.recordings.whole import whole_file
 
 Y = np.array([0, 1, 0])
 SHARES = np.array([[0.9, 0.1], [0.2, 0.8], [0.7, 0.3]])
@@ -79,6 +81,20 @@ def test_what_is_no_fold_stays_where_folds_are_removed(tmp_path: Path):
 
 def shared(folder: Path, seed: int = 0) -> KeptFolds:
     return KeptFolds(folder, {"seed": seed}, make_dataset(), "shape", fresh=False, shared=True)
+
+
+def test_what_a_killed_command_left_goes_with_the_folds(tmp_path: Path):
+    """It was killed while it wrote one: the folder in which it did has no owner."""
+    kept(tmp_path / "run").keep("cnn", 0, RESULT)
+    folder = folds_folder(tmp_path / "run")
+    with pytest.MonkeyPatch.context() as killed, whole_file(folder / "cnn-1.npz") as made:
+        made.write_bytes(b"half")
+        killed.setattr(shutil, "rmtree", lambda *_, **__: None)
+        killed.setattr(os, "replace", lambda *_: None)
+
+    forget_folds(tmp_path / "run")
+
+    assert not folder.exists()
 
 
 def test_a_shared_folder_keeps_the_latest_data_sets_and_splits(

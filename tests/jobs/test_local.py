@@ -1,9 +1,11 @@
 """Claims about workers on this machine: a killed one costs its own job a second start only."""
 
+import errno
 import os
 import subprocess
 import sys
 from collections import Counter
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
 import pytest
@@ -63,6 +65,32 @@ def test_a_job_that_ends_each_worker_ends_the_work_in_one_line() -> None:
         side_by_side(always_die, [(0,), (1,)])
     assert f"after {ATTEMPTS} attempts: the last worker was killed by SIGKILL;" in str(lost.value)
     assert len(str(lost.value).splitlines()) == 1
+
+
+def test_a_worker_killed_by_a_signal_without_a_name_is_one_lost_worker_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Real-time signals have numbers alone."""
+    monkeypatch.setattr(SpawnProcess, "exitcode", property(lambda _: -35))
+    with use_engine(LocalEngine(2, print)), pytest.raises(WorkerLost) as lost:
+        side_by_side(always_die, [(0,), (1,)])
+    assert "the last worker was killed by signal 35;" in str(lost.value)
+
+
+def test_a_process_that_the_machine_refuses_is_reported_as_that(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As beyond the number of open files or of processes."""
+
+    def refused(_: SpawnProcess) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(SpawnProcess, "start", refused)
+    with (
+        use_engine(LocalEngine(2, print)),
+        pytest.raises(BadInput, match=r"a process for square \d; got Too many open files; use few"),
+    ):
+        side_by_side(square, [(0,), (1,)])
 
 
 def test_what_a_job_raises_is_raised_here_with_where_it_was() -> None:

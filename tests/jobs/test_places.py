@@ -34,7 +34,8 @@ def test_an_address_is_a_place(text: str, place: Place) -> None:
 @pytest.mark.parametrize(
     "text",
     ["", "spark", "local://host", "dask://host/path", "dask?minutes=3", "slurm://p?minutes=0",
-     "slurm://p?minutes=soon", "slurm://p?executor=cloud", "slurm://p?colour=red"],
+     "slurm://p?minutes=soon", "slurm://p?executor=cloud", "slurm://p?colour=red",
+     "slurm://p?minutes=²", "dask://[::1"],
 )  # fmt: skip
 def test_an_address_that_means_nothing_is_refused(text: str) -> None:
     with pytest.raises(BadInput):
@@ -45,6 +46,15 @@ def test_an_address_that_means_nothing_is_refused(text: str) -> None:
 def test_workers_are_at_least_one_and_not_beyond_measure(workers: int) -> None:
     with pytest.raises(BadInput, match="--workers within 1 and 1024"):
         open_engine("local", workers)
+
+
+@pytest.mark.parametrize("workers", ["0", "-1", "many", "²"])
+def test_a_number_of_workers_in_the_environment_that_is_none_is_refused(
+    monkeypatch: pytest.MonkeyPatch, workers: str
+) -> None:
+    monkeypatch.setenv("TAXEL_WORKERS", workers)
+    with pytest.raises(BadInput, match=r"1 to 1024 in \$TAXEL_WORKERS"):
+        open_engine("local")
 
 
 def test_the_environment_says_where_and_how_many_where_no_option_does(

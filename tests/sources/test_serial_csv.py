@@ -134,7 +134,9 @@ def test_only_a_line_of_names_gives_the_names(header: str, names: tuple[str, ...
 
 def test_losses_are_said_and_remarks_are_none():
     ledger = BoardLedger(path="here", late=7, bad={"line": 2, "columns": 1, "text": 9})
-    assert ledger.losses() == "7 too late for their rows, 3 damaged lines or messages"
+    assert ledger.losses() == (
+        "7 too late for their rows (late_ms= sets how long these wait), 3 damaged lines or messages"
+    )
     assert BoardLedger(path="here", scans=9, repeated=1, bad={"text": 9}).losses() == ""
 
 
@@ -188,6 +190,28 @@ def test_after_a_board_was_silent_its_scans_are_rows_at_once(time: str, boards: 
     assert np.diff(rows.fitted_s).max() < 0.05
     apart = rows.fitted_s[rows.validity[:, 0] == 0] - good / HZ
     assert np.abs(apart).max() < 0.03
+
+
+@pytest.mark.parametrize("time", ["none", "ms"])
+@pytest.mark.parametrize(("wait_s", "least"), [(None, 0), (0.4, 1190)])
+def test_a_link_that_delivers_in_bursts_loses_nothing_where_rows_wait_for_it(
+    time: str, wait_s: float | None, least: int
+):
+    """30 lines at once each 0.3 s, as Bluetooth may; with the usual wait most come too late."""
+    stream = CsvStream("here", time=time, rate_hz=HZ)
+    merge = BoardMerge([1], [stream.ledger], HZ, wait_s)
+    given = []
+    for i in range(1230):
+        now_s = 0.001 + i / HZ
+        lines = [f"{10 * k},{k}\n" if time == "ms" else f"{k}\n" for k in range(i - 29, i + 1)]
+        if i % 30 == 29:
+            for scans in stream.feed([Chunk(now_s, "".join(lines).encode())]):
+                merge.put(0, scans)
+        given.append(merge.release(now_s, now_s))
+    rows = Samples.join(given)
+    good = rows.values[rows.validity[:, 0] == 0, 0]
+    assert len(set(good.tolist())) == len(good) >= least
+    assert (stream.ledger.late == 0) is (wait_s is not None)
 
 
 def test_bad_lines_are_counted_and_leave_a_hole_and_words_leave_none():

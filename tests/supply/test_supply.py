@@ -2,6 +2,8 @@
 
 import hashlib
 import json
+import tomllib
+from pathlib import Path
 
 import pytest
 from supply.distributions import DEVELOPMENT, extras, required, vendored
@@ -71,3 +73,9 @@ def test_the_bill_lists_what_users_get_and_what_lies_in_the_page():
     (root,) = found["dependencies"]
     assert root["dependsOn"] == ["numpy==1", "pkg:npm/uplot@1.6.32"]
     assert {"name": "taxel:brought-by", "value": "always"} in found["components"][0]["properties"]
+
+
+def test_the_version_to_cite_is_the_package_s():
+    root = Path(__file__).parents[2]
+    version = tomllib.loads((root / "pyproject.toml").read_text())["project"]["version"]
+    assert f"version: {version}" in (root / "CITATION.cff").read_text().splitlines()

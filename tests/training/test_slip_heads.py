@@ -87,6 +87,20 @@ def test_poses_that_an_earlier_version_kept_are_found_anew(tmp_path, pours):
     assert asked == [runs]
 
 
+@pytest.mark.parametrize("keeps", [lambda _: b"", lambda _: b"no archive", lambda own: own[:-40],
+                                   lambda own: own[:900] + bytes(200) + own[1100:]])  # fmt: skip
+def test_poses_in_a_damaged_file_are_found_anew(tmp_path, pours, keeps):
+    runs = paper_runs(31_000)[:1]
+    kept = tmp_path / "a.npz"
+    keep_runs(kept, runs, lambda _: pours[:1])
+    kept.write_bytes(keeps(kept.read_bytes()))
+    asked = []
+    keep_runs(kept, runs, lambda again: asked.append(again) or pours[:1])
+    keep_runs(kept, runs, lambda _: pytest.fail("it is kept"))
+
+    assert asked == [runs]
+
+
 def test_noise_that_was_put_in_is_found_again(pours):
     """Gain of the turn and noise of an image come back within a tenth."""
     pour = pours[0]  # the one that turns

@@ -1,5 +1,6 @@
 """The page in a real browser: states, staleness, keys, sound, sizes, panels."""
 
+import json
 import time
 
 import pytest
@@ -60,6 +61,23 @@ def test_each_state_differs_in_word_sign_and_pattern_not_in_colour_alone(
                               f" || {look}.borderColor !== {look}.backgroundColor")  # fmt: skip
     assert has_pattern == (state != "STABLE")
     assert browser.ask("document.getElementById('spoken').textContent").startswith(state)
+
+
+@pytest.mark.parametrize(
+    ("answers", "word"),
+    [
+        ([{"target": "shape", "label": "sphere"}], "SPHERE"),
+        ([{"target": "shape", "label": "UNKNOWN"}], "UNKNOWN"),
+        ([], "NO ANSWER YET"),
+    ],
+)
+def test_where_no_monitor_runs_the_large_word_is_the_first_answer(browser, opened, answers, word):
+    snapshot = json.dumps({"state": "NONE", "answers": answers})
+    shown = f"""import("/static/state.js").then((state) => {{
+        const fresh = Object.assign(new state.Freshness(), {{ connected: true, movedMs: 0 }});
+        return [state.shown(fresh, {snapshot}, 1).word, state.evidence({snapshot}).name];
+    }})"""
+    assert browser.ask(shown) == [word, "Events"]
 
 
 def test_an_unknown_and_a_pause_say_why_and_for_how_long(browser, opened, station):

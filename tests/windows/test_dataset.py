@@ -53,6 +53,23 @@ def test_a_window_across_a_border_is_left_out_and_said(tmp_path: Path):
     )
 
 
+@pytest.mark.parametrize("large", [9.91e37, -1e30])
+def test_a_number_that_stands_for_an_overload_is_refused_by_its_place(
+    tmp_path: Path, large: float
+) -> None:
+    """As 9.91E37 of many instruments; squared, it would be infinite."""
+    samples = scans()
+    samples.values[123, 1] = large
+    record(tmp_path, "a", [grasp(0, 94, "sphere"), grasp(95, 199, "cylinder")], samples)
+
+    with pytest.raises(BadDataset, match=r"channel 'x' in a.mcap, in the window from 1.20 s"):
+        load_dataset(tmp_path, CONFIG, target="shape")
+
+    assert len(load_dataset(tmp_path, CONFIG, target="shape", unusable=True))
+    own = replace(CONFIG, channels=("n",))
+    assert len(load_dataset(tmp_path, own, target="shape"))
+
+
 def test_what_lies_in_no_trial_is_no_training_window(tmp_path: Path):
     record(tmp_path, "a", [grasp(20, 59, "sphere"), grasp(100, 139, "cylinder")])
     dataset = load_dataset(tmp_path, CONFIG, target="shape")

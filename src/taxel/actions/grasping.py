@@ -14,16 +14,11 @@ from dataclasses import dataclass
 
 from taxel.actions.actuators import HandActuator
 from taxel.actions.opening import open_actuator
-from taxel.actions.sim_hand import SimHand
 from taxel.clock import Clock, ManualClock, SystemClock
 from taxel.errors import BadInput
 from taxel.recordings.trial_plan import PlannedTrial
-from taxel.sim.teng.constants import MATERIALS, SHAPES
-from taxel.sim.teng.grasped_hand import GraspedHand
 from taxel.sources.contract import Source
 from taxel.sources.opening import open_source
-from taxel.sources.simulated.grasped_teng import GraspedTeng
-from taxel.sources.simulated.teng_options import parse_options
 
 SIMULATED = "sim://hand"
 _PADS = "sim://teng"
@@ -69,8 +64,8 @@ def open_grasping(source_url: str, hand_url: str) -> Grasping:
         MissingExtra: One of them needs a package that is not installed.
     """
     actuator, clock = open_hand(hand_url)
-    simulated = source_url.startswith("sim://")
-    if isinstance(actuator.hand, SimHand) != simulated or (
+    simulated = hand_url.startswith(SIMULATED)
+    if source_url.startswith("sim://") != simulated or (
         simulated and source_url.partition("?")[0] != _PADS
     ):
         raise BadInput(
@@ -78,12 +73,21 @@ def open_grasping(source_url: str, hand_url: str) -> Grasping:
             f"{source_url} with {hand_url}",
             "name the other one too",
         )
-    if isinstance(actuator.hand, SimHand):
-        return _simulated(source_url, actuator, actuator.hand, clock)
+    if simulated:
+        return _simulated(source_url, actuator, clock)
     return Grasping(open_source(source_url, clock), actuator, clock, None)
 
 
-def _simulated(url: str, actuator: HandActuator, hand: SimHand, clock: Clock) -> Grasping:
+def _simulated(url: str, actuator: HandActuator, clock: Clock) -> Grasping:
+    """Return a simulated pair; only here is the simulator imported, which a real hand can lack."""
+    from taxel.actions.sim_hand import SimHand
+    from taxel.sim.teng.constants import MATERIALS, SHAPES
+    from taxel.sim.teng.grasped_hand import GraspedHand
+    from taxel.sources.simulated.grasped_teng import GraspedTeng
+    from taxel.sources.simulated.teng_options import parse_options
+
+    hand = actuator.hand
+    assert isinstance(hand, SimHand)
     words = [part.partition("=") for part in url.partition("?")[2].split("&") if part]
     config, _ = parse_options({key: value for key, _, value in words})
     plant = hand.plant = GraspedHand(config, hand.plant.motors)

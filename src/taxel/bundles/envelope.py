@@ -88,6 +88,16 @@ def kind_of(path: Path) -> BundleKind | None:
     return None
 
 
+def checksum_of(path: Path) -> str:
+    """Return the checksum in a bundle's first line, unchecked; empty where it cannot be read."""
+    try:
+        with open_file(path) as file:
+            words, _ = _first_words(file.readline(FIRST_LINE_BYTES))
+    except (OSError, BadFile):
+        return ""
+    return words.split()[-1].decode() if words else ""
+
+
 def is_grasp_bundle(path: Path) -> bool:
     """Return whether a file is a grasp bundle; False where it cannot be read."""
     return kind_of(path) == "grasp"

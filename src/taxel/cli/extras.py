@@ -64,14 +64,19 @@ def need_extra(extra: str, purpose: str) -> None:
             raise MissingExtra(module, extra, purpose)
 
 
-def missing_extra(error: ModuleNotFoundError, verb: str, trains: bool) -> MissingExtra | None:
+def missing_extra(error: ImportError, verb: str, trains: bool) -> MissingExtra | None:
     """Return the refusal that names the extra; None where no extra brings that module.
 
     Args:
-        error: What an import raised.
+        error: What an import raised; it may name an extra already.
         verb: What needs the module, as in "taxel info".
-        trains: It belongs to training or evaluation: those need the extra `train` as a whole.
+        trains: It belongs to training or evaluation: those need the extra `train` as a whole, so
+            that a part of it, such as `camera`, is not named: the next package would be missing.
     """
+    if isinstance(error, MissingExtra):
+        brought = EXTRAS.get(error.extra)
+        part = brought is not None and set(brought.modules) < set(EXTRAS["train"].modules)
+        return MissingExtra(error.package, "train", verb) if trains and part else error
     module = (error.name or "").partition(".")[0]
     found = [extra for extra, brought in EXTRAS.items() if module in brought.modules]
     if not found:

@@ -31,7 +31,7 @@ from taxel.cli.old_spellings import refuse_old
 from taxel.cli.options.rules import check_rules
 from taxel.cli.parsing import parse
 from taxel.cli.trial_verbs import refuse_options_of_arrays, verb_for_data
-from taxel.errors import BadInput, TaxelError
+from taxel.errors import BadInput, MissingExtra, TaxelError
 from taxel.plain_text import visible_line, without_controls
 
 
@@ -103,8 +103,11 @@ a verb's dataclass is that of its name in the module of its name."""
 _AT_THE_ROOT = ("start here", "taxel itself")
 """Sections whose modules have no folder."""
 
-_TRAINS = {"demo", "bench", *SECTIONS["training"], *SECTIONS["evaluation"], "audit", "adapt"}
-"""Verbs that need the extra `train`."""
+_TRAINS = {
+    "demo", "bench", "audit", "adapt", "bundle",
+    *SECTIONS["training"], *SECTIONS["evaluation"],
+}  # fmt: skip
+"""Verbs that need the extra `train`; of `bundle`, keys and signatures do without it."""
 
 VERBS = {verb: text for own in SECTIONS.values() for verb, text in own.items()}
 """Verb → its line of help."""
@@ -224,13 +227,13 @@ def main(argv: Sequence[str] | None = None) -> None:
         verb = parse(load_verb(command), command, rest)
         check_rules(verb, rest)
         verb.run()
-    except TaxelError as error:
-        _fail(str(error))
-    except ModuleNotFoundError as error:
+    except (MissingExtra, ModuleNotFoundError) as error:
         missing = missing_extra(error, f"taxel {words[0]}", words[0] in _TRAINS)
         if missing is None:
             raise
         _fail(str(missing))
+    except TaxelError as error:
+        _fail(str(error))
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:

@@ -34,7 +34,7 @@ _ORDER = tuple(Advice)
 _WHY = {
     Advice.NOTHING: "nothing is held",
     Advice.HOLD: "the grasp is stable",
-    Advice.HOLD_STILL: "nobody can tell how the grasp is: do not go on",
+    Advice.HOLD_STILL: "the state of the grasp is unknown: do not go on",
     Advice.GRIP_HARDER: "the grasp begins to slip",
     Advice.PUT_DOWN: "the grasp slips: stop, and put it down",
 }

@@ -24,6 +24,7 @@ from taxel.errors import BadFile, RecordingFailed
 from taxel.evaluation.crossval import FoldPredictions
 from taxel.evaluation.splits import Fold
 from taxel.foreign.archives import read_arrays
+from taxel.held import sweep
 from taxel.jobs.call import code_digest
 from taxel.recordings.whole import write_whole
 from taxel.training.curves import Epoch
@@ -164,6 +165,7 @@ def _remove(folder: Path) -> None:
     if folder.is_symlink():
         return
     with suppress(OSError):
-        for path in (*folder.glob("*.npz"), *folder.glob("*.npz.part")):
+        sweep(folder)
+        for path in folder.glob("*.npz"):
             path.unlink()
         folder.rmdir()

@@ -23,7 +23,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import NoReturn
 
-from taxel.errors import WorkerLost
+from taxel.errors import BadInput, WorkerLost
 from taxel.jobs.call import Call, JobResult, perform
 from taxel.processes import end_with_parent
 
@@ -72,7 +72,7 @@ class LocalEngine:
 
     def _perform(self, call: Call) -> JobResult:
         for attempt in range(1, ATTEMPTS + 1):
-            worker = self._worker()
+            worker = self._worker(call.name)
             try:
                 return replace(worker.perform(call), attempt=attempt)
             except (EOFError, OSError) as error:
@@ -82,13 +82,18 @@ class LocalEngine:
                 self.log(f"{call.name}: its worker {worker.pid} {worker.fate}; it starts again")
         raise WorkerLost(call.name, f"the last worker {worker.fate}", ATTEMPTS)
 
-    def _worker(self) -> _Worker:
+    def _worker(self, job: str) -> _Worker:
         worker: _Worker | None = getattr(self._own, "worker", None)
         if worker is None:
             with self._lock:
                 if self._closed:
                     raise EOFError
-                worker = _Worker()
+                try:
+                    worker = _Worker()
+                except OSError as error:
+                    raise BadInput(
+                        f"a process for {job}", error.strerror or str(error), "use fewer --workers"
+                    ) from error
                 self._running.add(worker)
             self._own.worker = worker
         return worker
@@ -123,7 +128,8 @@ class _Worker:
         """How the process ended, in words."""
         code = self._process.exitcode
         if code is not None and code < 0:
-            return f"was killed by {signal.Signals(-code).name}"
+            names = {number.value: number.name for number in signal.Signals}
+            return f"was killed by {names.get(-code, f'signal {-code}')}"
         return f"ended with exit code {code}"
 
     def perform(self, call: Call) -> JobResult:

@@ -41,15 +41,15 @@ def parse_place(text: str) -> Place:
     Raises:
         BadInput: It names none.
     """
-    parts = urlsplit(text if "://" in text else f"{text}://")
+    try:
+        parts = urlsplit(text if "://" in text else f"{text}://")
+    except ValueError as error:  # a bracket that is not closed, among others
+        raise _no_place(text) from error
     words = dict(parse_qsl(parts.query, keep_blank_values=True))
     known = _SLURM_WORDS if parts.scheme == "slurm" else ()
     wrong = parts.scheme not in PLACES or parts.path or set(words) - set(known)
     if wrong or (parts.scheme == "local" and parts.netloc):
-        raise BadInput(
-            "local, dask, dask://HOST:PORT, ray, ray://HOST:PORT, slurm or slurm://PARTITION",
-            repr(text), "name one of them with --run-on",
-        )  # fmt: skip
+        raise _no_place(text)
     if words.get("executor", "slurm") not in ("slurm", "local"):
         raise BadInput("executor=slurm or executor=local", repr(words["executor"]), "name one")
     return Place(
@@ -119,8 +119,15 @@ def check_answers(address: str, what: str, start: str) -> None:
         ) from error
 
 
+def _no_place(text: str) -> BadInput:
+    return BadInput(
+        "local, dask, dask://HOST:PORT, ray, ray://HOST:PORT, slurm or slurm://PARTITION",
+        repr(text), "name one of them with --run-on",
+    )  # fmt: skip
+
+
 def _count(words: dict[str, str], name: str, usual: int) -> int:
     text = words.get(name, str(usual))
-    if not text.isdigit() or not 1 <= int(text) <= 100_000:
+    if not text.isdecimal() or not 1 <= int(text) <= 100_000:
         raise BadInput(f"a whole number from 1 for {name} of --run-on", repr(text), "give another")
     return int(text)

@@ -58,7 +58,7 @@ def usual_workers() -> int:
     """
     given = os.environ.get(WORKERS_VARIABLE)
     if given:
-        if not given.isdigit() or not 1 <= int(given) <= MOST_WORKERS:
+        if not given.isdecimal() or not 1 <= int(given) <= MOST_WORKERS:
             raise BadInput(f"1 to {MOST_WORKERS} in ${WORKERS_VARIABLE}", given, "set another")
         return int(given)
     if hasattr(os, "sched_getaffinity"):

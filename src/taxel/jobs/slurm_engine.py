@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -111,9 +111,15 @@ class SlurmEngine:
                 new = self._due()
             if new:
                 self._start(new)
-            for job in [job for job in self._submitted if job.job.done()]:
-                self._submitted.remove(job)
-                self._finish(job)
+            for job in list(self._submitted):
+                if job.future.cancelled():  # another of the same work failed
+                    self._submitted.remove(job)
+                    with suppress(Exception):
+                        job.job.cancel()
+                elif job.job.done():
+                    self._submitted.remove(job)
+                    with suppress(InvalidStateError):  # cancelled just now
+                        self._finish(job)
 
     def _due(self) -> list[_Waiting]:
         """Return what is submitted now: all to a queue, as many as may run to this machine."""
@@ -128,7 +134,8 @@ class SlurmEngine:
             jobs = self._executor.map_array(perform, [job.call for job in new])
         except Exception as error:  # the queue refused: each of its jobs says so
             for job in new:
-                job.future.set_exception(error)
+                with suppress(InvalidStateError):
+                    job.future.set_exception(error)
             return
         for job, own in zip(new, jobs, strict=True):
             job.job = own
@@ -149,5 +156,4 @@ class SlurmEngine:
         except Exception as error:
             job.future.set_exception(error)
         else:
-            if not job.future.cancelled():
-                job.future.set_result(done)
+            job.future.set_result(done)

@@ -205,7 +205,7 @@ def _describe(backbone: str, path: Path, *, own: bool = False) -> Weights:
 def _side_px(about: About | None) -> int | None:
     """Return the side of the images that a file says it was trained on, pixels."""
     said = about.side_px if about else ""
-    if not said.isdigit() or not LEAST_SIDE_PX <= int(said) <= MOST_SIDE_PX:
+    if not said.isdecimal() or not LEAST_SIDE_PX <= int(said) <= MOST_SIDE_PX:
         return None
     return int(said)
 

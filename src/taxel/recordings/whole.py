@@ -54,17 +54,18 @@ def _takes_files(folder: Path) -> bool:
 def whole_file(path: Path) -> Iterator[Path]:
     """Give a file to fill, which gets its name when the block ends well, and else goes.
 
+    It is filled in a folder of its own, since commands that share a cache may write the same file.
+
     Raises:
         RecordingFailed: The disk refused.
     """
-    temporary = path.with_name(path.name + ".part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
+        with scratch_folder(path, "") as scratch:
+            temporary = scratch / MADE
             yield temporary
             os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
+    except RecordingFailed:
+        raise
     except OSError as error:
         raise RecordingFailed(
             f"needed to write {path}; got {error.strerror or error}; "

@@ -62,13 +62,16 @@ def _open_camera(name: str, options: dict[str, str], clock: Clock) -> Source:
     try:
         from taxel.sources.cameras.source import Cameras
     except ModuleNotFoundError as error:
-        raise MissingExtra(error.name or "linuxpy", "camera", "tactile cameras") from error
+        raise MissingExtra(error.name or "cv2", "camera", "tactile cameras") from error
 
     return Cameras(name, options, clock)
 
 
 def _open_realsense(name: str, options: dict[str, str], clock: Clock) -> Source:
-    from taxel.sources.cameras.realsense import RealSense
+    try:
+        from taxel.sources.cameras.realsense import RealSense
+    except MissingExtra as error:  # its extra brings what any camera needs, too
+        raise MissingExtra(error.package, "realsense", "RealSense cameras") from error
 
     return RealSense(name, options, clock)
 

@@ -8,8 +8,11 @@ Background of our choices: docs/decisions/0003.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
 from taxel.labels.class_order import refuse_reserved
@@ -26,6 +29,10 @@ OUTSIDE = "lie across a trial's border or between trials"
 """Of windows that belong to no one trial."""
 _UNEVEN = 5
 """A class with so many times fewer trials than the commonest is rare. Source: our choice."""
+
+LARGEST = 2e18
+"""Largest size of a value, in its unit: models square values in 32 bits, and nanoseconds since 1970
+are as large. Source: our choice, docs/decisions/0024."""
 
 
 def check_sensor(first: SensorInfo, own: SensorInfo, file: Path, config: WindowConfig) -> None:
@@ -103,6 +110,34 @@ def nothing_usable(windows: int, stale: int, config: WindowConfig) -> BadDataset
 def too_old(config: WindowConfig) -> str:
     """Return when a scan is too old for a row, in words."""
     return f"over {1000 * (config.max_age_s or 0.0):.3g} ms old"
+
+
+def check_size(
+    values: NDArray[np.float32], channels: Sequence[str], where: Callable[[int], str]
+) -> None:
+    """Refuse values so large that they stand for something else, as an overload's 9.9e37 does.
+
+    Args:
+        values: Finite ones, shape (n, …, channels).
+        channels: Their names.
+        where: Says where the one of n is, for the message.
+
+    Raises:
+        BadDataset: A value is larger than models can compute with.
+    """
+    if not values.size:
+        return
+    least, most = float(values.min()), float(values.max())
+    if max(-least, most) <= LARGEST:
+        return
+    at = values.argmax() if most >= -least else values.argmin()
+    index = np.unravel_index(at, values.shape)
+    raise BadDataset(
+        f"values up to {LARGEST:g} in size, as models square them",
+        f"{values[index]:g} of channel {channels[int(index[-1])]!r} in {where(int(index[0]))}",
+        "such numbers mostly stand for an overload or a missing value: empty those cells and "
+        "import again with --missing keep, or leave the channel or trial out",
+    )
 
 
 def check_classes(trials: Sequence[Trial], target: str, empty: Sequence[Trial] = ()) -> None:

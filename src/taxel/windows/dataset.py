@@ -24,6 +24,7 @@ from taxel.windows.checks import (
     OUTSIDE,
     check_classes,
     check_sensor,
+    check_size,
     filled_note,
     grid_note,
     nothing_found,
@@ -248,6 +249,10 @@ def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
         )
     if not len(windows):
         raise nothing_usable(len(whole), stale, config)
+    if not keep:
+        check_size(windows.values, cut.sensor.only(config.channels).channels, lambda at: (
+            f"{cut.trials[trial[at]].recording}, in the window from {windows.start_s[at]:.2f} s"
+        ))  # fmt: skip
     used, trial = np.unique(trial, return_inverse=True)
     if without := len(cut.trials) - len(used):
         notes.append(

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from taxel.errors import BadDataset
 from taxel.evaluation.audit import noise, reading
 from taxel.evaluation.audit.audit import audit, make_case
 from taxel.evaluation.audit.copies import near_copies, same_rows
@@ -211,3 +212,13 @@ def test_a_window_of_a_run_spans_its_own_time_at_the_recordings_rate(make_set: M
 
     assert _rows(contract, touch) == 30  # type: ignore[arg-type]
     assert _rows(contract, replace(touch, every={"r00.mcap": 2})) == 15  # type: ignore[arg-type]
+
+
+def test_a_number_that_stands_for_an_overload_is_refused_by_its_place(tmp_path: Path) -> None:
+    """As 9.91E37 of many instruments; trees compare values, and what they square is infinite."""
+
+    def overloaded(rows: list[np.ndarray]) -> None:
+        rows[3][25, 1] = 9.91e37
+
+    with pytest.raises(BadDataset, match=r"channel 'b' in t03.mcap, at 0.10 s"):
+        pad_set(tmp_path, 250.0, overloaded)

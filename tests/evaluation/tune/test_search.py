@@ -1,6 +1,7 @@
 """Claims about a search: it goes on where it was broken off, and proposes what it would have."""
 
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,11 @@ import pytest
 
 pytest.importorskip("optuna", reason="optuna is not installed: pip install 'taxel[tune]'")
 
-from taxel.errors import BadInput
+from taxel.errors import BadInput, RecordingFailed
 from taxel.evaluation.tune import study as study_module
 from taxel.evaluation.tune.space import SETTINGS, Space
 from taxel.evaluation.tune.study import BestSettings, Search, Store, open_store
+from taxel.jobs.call import JobResult
 from taxel.training.recipes import find_recipe
 
 RECIPE = find_recipe("teng")
@@ -85,6 +87,27 @@ def test_a_search_that_was_broken_off_gives_what_an_unbroken_one_gives(
     assert found == expected
     finished = [job for job in first.jobs if job[0] != first.jobs[-1][0]]
     assert finished + second.jobs == whole.jobs
+
+
+def test_the_recipe_as_it_is_is_tried_again_where_a_kill_ended_it_alone(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Side by side, others may be finished before the first."""
+
+    def submit(work: Work, job: tuple[dict[str, Any], int], name: str) -> Future[JobResult]:
+        return Future() if not job[0] else here(work, job, name=name)
+
+    here = study_module.submit
+    with monkeypatch.context() as patched:
+        patched.setattr(study_module, "submit", submit)
+        patched.setattr(study_module, "width", lambda: 2)
+        with pytest.raises(Broken):
+            run(url, search(Work(break_at=6)))
+    again = Work()
+    found = run(url, search(again, trials=2))
+
+    assert again.jobs == [({}, 0), ({}, 1)]
+    assert found.as_is == pytest.approx(0.395)
 
 
 def test_a_finished_search_runs_nothing_again(url: str) -> None:
@@ -200,6 +223,31 @@ def test_a_database_that_cannot_be_opened_is_reported_in_one_line(tmp_path: Path
     ):
         pass
     assert len(str(refused.value).splitlines()) == 1
+
+
+def test_a_database_that_takes_no_more_is_reported_in_one_line(url: str) -> None:
+    """As on a full disk, in the middle of a search; more room, and the search goes on."""
+
+    class Full(Work):
+        def __call__(self, job: tuple[dict[str, Any], int]) -> float:
+            if len(self.jobs) == 4:
+                _most_pages(store, 1)
+            return super().__call__(job)
+
+    with open_store(url) as store:
+        with pytest.raises(RecordingFailed, match=r"keep trials in sqlite:.*full") as refused:
+            store.search(search(Full(), trials=200), lambda _: None)
+        assert len(str(refused.value).splitlines()) == 1
+        _most_pages(store, 100_000)
+        assert store.search(search(Work()), lambda _: None).trials >= 7
+
+
+def _most_pages(store: Store, pages: int) -> None:
+    """Let the file of SQLite grow to so many pages, but never below what it has."""
+    import sqlalchemy
+
+    with store.storage.engine.connect() as connection:
+        connection.execute(sqlalchemy.text(f"PRAGMA max_page_count = {pages}"))
 
 
 @pytest.mark.parametrize(

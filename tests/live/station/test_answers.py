@@ -42,3 +42,12 @@ def test_the_page_says_of_what_each_number_is():
     assert answers.newest()[0]["reason"] == "this contact's windows together"
     answers.add(unsure | {"grasp_confidence": None, "reason": "saturated"})
     assert answers.newest()[0]["reason"] == "the newest window alone is UNKNOWN: saturated"
+
+
+def test_the_last_answer_of_a_recogniser_that_was_given_up_is_not_shown_as_the_present():
+    answers = Answers([{"target": "shape", "bundle": "a.taxel", "who": "monitor/0"}])
+    answers.add(note("monitor/0", "ball"))
+    (shown,) = answers.newest({"monitor/0"})
+    assert (shown["label"], shown["confidence"], shown["action"]) == ("UNKNOWN", None, "")
+    assert shown["reason"] == "monitor/0 has ended"
+    assert answers.newest({"monitor/1"})[0]["label"] == "ball"

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from station_rig import until
 
 from taxel.bundles.contract import Contract
+from taxel.bundles.envelope import pack
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.bundles.writer import write_bundle
 from taxel.live.station.fitting import misfit
@@ -72,3 +74,19 @@ def test_the_array_is_recognised_and_no_grasp_is_claimed_to_be_watched(bundle: P
     assert len(answers) > 3
     assert {note["who"] for note in answers} == {"monitor/0"}
     assert summary[0]["windows"] == len(answers)
+
+
+@pytest.mark.slow
+def test_a_monitor_that_died_does_not_come_back_with_another_bundle(
+    bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Its classes would stand under the other's target; an alarm says what was replaced."""
+    path = tmp_path / "hand.taxel"
+    path.write_bytes(bundle.read_bytes())
+    monkeypatch.setattr("taxel.live.station.processes._RESTARTS", 1)
+    with Station(StationConfig(sources=(URL,), bundles=(path,))) as station:
+        path.write_bytes(pack({"bundle.json": b"{}"}))
+        station.workers()["monitor"].kill()
+        until(station, lambda: station.failed == "monitor")
+        (alarm,) = [alarm for alarm in station.guard.alarms.alarms if alarm.kind == "monitor"]
+    assert f"an error (needed {path} as it was when this station began; got another" in alarm.text

@@ -6,6 +6,7 @@ No process runs: the rings are real, and the tests write what a station would.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import Any
@@ -202,6 +203,16 @@ def test_depth_is_drawn_for_people_at_most_five_times_a_second(make: Any, clock:
     assert second[1] != first[1]
 
 
+def test_where_no_image_can_be_drawn_a_depth_camera_is_refused(
+    make: Any, monkeypatch: pytest.MonkeyPatch
+):
+    """The page's process ends and names what is missing; else its place would stay empty."""
+    monkeypatch.setitem(sys.modules, "taxel.frame_codec", None)
+    make((NONE, (LEFT,)))
+    with pytest.raises(ImportError):
+        make((NONE, (DEPTH,)))
+
+
 def test_a_depth_image_that_cannot_be_drawn_leaves_the_one_before(make: Any, clock: ManualClock):
     rig = make((NONE, (DEPTH,)))
     clock.advance(1.0)
@@ -222,6 +233,13 @@ def test_the_array_without_cameras_is_shown_with_gaps_where_a_value_is_not_usabl
     assert traces["sensors"]["t"] == [0.0]  # rows a hundredth apart, half of them for a trace
     assert traces["time_s"] == 0.02
     np.testing.assert_allclose(traces["map"], values[[0, 2]] / 0.6, rtol=1e-6)
+
+
+def test_an_array_of_several_units_is_not_shown_under_the_first_channels_unit(make: Any):
+    """A simulated cup's truth has millimetres and newtons beside the slip's micrometres."""
+    truth = SensorInfo(name="truth", channels=("slip", "grip"), units=("um", "N"), rate_hz=60.0)
+    assert make((truth, (LEFT,))).view.snapshot()["array"]["unit"] == "mixed units"
+    assert make((HAND, ())).view.snapshot()["array"]["unit"] == "V"
 
 
 def test_a_monitors_probability_is_drawn_where_it_was_measured(make: Any):

@@ -147,6 +147,26 @@ def test_the_dead_are_named_with_how_they_ended_and_not_once_given_up(
     assert rig.processes.dead() == []
 
 
+def test_a_process_that_died_of_an_error_is_named_with_its_own_words(rig: Rig):
+    worker = rig.add("monitor")
+    said = BadSource("a bundle", "another file", "put it back")
+    worker.report = cast("Any", Report(("failed", said)))
+    rig.die(worker, 1)
+    how = "an error (needed a bundle; got another file; put it back)"
+    assert rig.processes.dead() == [(worker, how)]
+
+
+def test_what_cannot_be_read_of_a_dead_process_does_not_end_the_supervisor(rig: Rig):
+    class Broken(Report):
+        def recv(self) -> Any:
+            raise TypeError("an exception that does not cross")
+
+    worker = rig.add("monitor")
+    worker.report = cast("Any", Broken(("failed", "x")))
+    rig.die(worker, 1)
+    assert rig.processes.dead() == [(worker, "an error")]
+
+
 def test_a_process_that_ended_its_work_is_not_dead(rig: Rig):
     worker = rig.add("source")
     rig.beats._view.write(worker.row, Work.ENDED)

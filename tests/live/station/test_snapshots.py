@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxel.live.station.snapshots import STAGES, Latencies
+from taxel.actions.interlock import Interlock, InterlockConfig
+from taxel.live.station.guard import Guard
+from taxel.live.station.snapshots import STAGES, Latencies, guard_snapshot
 
 TOOK_MS = (10.0, 1.0, 2.0, 3.0, 8.0, 0.5)
 """One number a stage."""
@@ -43,3 +45,15 @@ def test_what_a_start_took_can_be_forgotten():
     assert latencies.percentiles_ms() == {}
     taken_in(latencies)
     assert latencies.whole_ms() == pytest.approx([sum(TOOK_MS)])
+
+
+def test_where_no_monitor_runs_nothing_is_said_to_hold_since_the_machine_started():
+    """The clock's zero is the machine's start: a page of 14 s said "for 40:25 min"."""
+    guard = Guard(Interlock(InterlockConfig(min_n=1.0, max_n=10.0)))
+    guard.tick(2425.0)
+    shown = guard_snapshot(guard, 2425.0)
+    assert (shown["state"], shown["since_s"]) == ("NONE", None)
+    guard.expect("monitor/0", 2426.0)
+    guard.tick(2426.0)
+    shown = guard_snapshot(guard, 2426.0)
+    assert (shown["state"], shown["since_s"]) == ("UNKNOWN", 2426.0)

@@ -15,10 +15,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from taxel.bundles.envelope import checksum_of
+from taxel.bundles.envelope import pack as packed_bundle
 from taxel.clock import ManualClock
 from taxel.decisions.joining import MEAN
 from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote
 from taxel.decisions.stability import Stability, StabilityDecision
+from taxel.errors import BadBundle
 from taxel.live.station import inference
 from taxel.live.station.packets import pack, unpack
 from taxel.live.station.ring import Ring, RingReader, RingWriter
@@ -72,7 +75,7 @@ class Rig:
     def __init__(self, stack: ExitStack, patch: pytest.MonkeyPatch) -> None:
         self.clock = ManualClock()
         patch.setattr(inference, "monotonic", self.clock.now_s)
-        patch.setattr(inference, "GraspMonitor", Monitor)
+        patch.setattr("taxel.live.grasp_monitor.GraspMonitor", Monitor)
         patch.setattr(inference, "is_grasp_bundle", lambda _: True)
         contract = SimpleNamespace(
             rule="gross-slip", gives_probability=False,
@@ -93,6 +96,13 @@ class Rig:
     @property
     def monitor(self) -> Any:
         return self.watcher._monitor
+
+    def job(self, **changed: Any) -> inference.Inference:
+        """Return what a recogniser's process is to do."""
+        return inference.Inference(
+            place=cast("Any", SimpleNamespace(name="monitor")), bundles=(), sensor=cast("Any", 0),
+            cameras=(), ring="", source_row=0, decisions="", **changed,
+        )  # fmt: skip
 
     def take(self, *packets: Any) -> list[dict[str, Any]]:
         """Let packets come, a millisecond later; return the notes that were told."""
@@ -292,11 +302,9 @@ def recogniser(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> Rig:
     )  # fmt: skip
     made = SimpleNamespace(contract=contract, novelty_test=None)
     monkeypatch.setattr(inference, "read_bundle", lambda *_, **__: made)
-    job = inference.Inference(
-        place=cast("Any", SimpleNamespace(name="monitor")), bundles=(), sensor=cast("Any", 0),
-        cameras=(), ring="", source_row=0, decisions="",
-    )  # fmt: skip
-    rig.watcher = cast("Any", inference._watcher(Path("b.taxel"), job, rig.watcher._writer, 1))
+    rig.watcher = cast(
+        "Any", inference._watcher(Path("b.taxel"), rig.job(), rig.watcher._writer, 1)
+    )
     return rig
 
 
@@ -351,3 +359,17 @@ def test_drills_and_silence_leave_a_recogniser_as_it_is(recogniser: Rig):
     recogniser.watcher.silent(9.0)
     assert recogniser.notes() == []
     assert [note["label"] for note in recogniser.take(scans(0.2))] == ["ball"]
+
+
+def test_a_bundle_that_was_replaced_since_the_station_began_is_not_run(
+    recogniser: Rig, tmp_path: Path
+):
+    """The page and the summary would show its classes under the target of the one before."""
+    path = tmp_path / "b.taxel"
+    path.write_bytes(packed_bundle({"bundle.json": b"{}"}))
+    job = recogniser.job(checksums=(checksum_of(path),))
+    assert inference._watcher(path, job, cast("Any", None), 0).what["target"] == "shape"
+    for other in (packed_bundle({"bundle.json": b"[]"}), b"", None):
+        path.unlink() if other is None else path.write_bytes(other)
+        with pytest.raises(BadBundle, match=f"needed {path} as it was when this station began"):
+            inference._watcher(path, job, cast("Any", None), 0)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from secrets import token_urlsafe
 from typing import TYPE_CHECKING, Any
 
+from taxel.cli.extras import need_extra
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ def check_bus(publish: Sequence[str]) -> None:
         scheme = url.partition("://")[0]
         if url == FOXGLOVE:
             import taxel.bus.foxglove_server  # noqa: F401  # names its extra where it is missing
+        if url == RERUN:
+            need_extra("rerun", "a Rerun viewer")
         if url in (FOXGLOVE, RERUN):
             continue
         if scheme not in SCHEMES:

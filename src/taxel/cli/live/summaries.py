@@ -74,8 +74,8 @@ def print_station_summary(result: dict[str, Any]) -> None:
         if name == "recorder" and result["recording"].get("not_written"):
             again = f", not written {result['recording']['not_written']}{again}"
         say(
-            f"  {name}: produced {process['produced']}, received {process['consumed']}, "
-            f"lost {process['dropped']}{again}"
+            f"  {name}: {process['produced']} messages produced, {process['consumed']} received, "
+            f"{process['dropped']} lost{again}"
         )
     if result["latency_ms"]:
         parts = [
@@ -92,4 +92,5 @@ def print_station_summary(result: dict[str, Any]) -> None:
             f"{name} {camera['frames']} frames"
             for name, camera in ledger.get("cameras", {}).items()
         ]
-        say(f"  recorded: {recording['path']}: {', '.join(parts)}")
+        what = "taken in" if recording.get("error") else f"recorded: {recording['path']}"
+        say(f"  {what}: {', '.join(parts)}")

@@ -74,17 +74,22 @@ class Label:
     def run(self) -> None:
         """Label intervals; or correct where that is asked for, then show."""
         from taxel.labels.rules import rule_named
+
+        rule_named(self.rule)
+        self._check_options()
+        if self.intervals is not None and self.output is not None:
+            self._mark(self.intervals, self.output)
+        else:
+            self._show()
+
+    def _show(self) -> None:
+        """Correct where that is asked for, then show when grasps before cameras turned unstable."""
         from taxel.recordings.reader import list_recordings
         from taxel.training.frames.features import default_cache
         from taxel.training.frames.label_sheet import label_sheet
         from taxel.training.frames.labels import corrections_of
         from taxel.windows.camera_recordings import read_camera_recording, read_camera_recordings
 
-        rule_named(self.rule)
-        self._check_options()
-        if self.intervals is not None and self.output is not None:
-            self._mark(self.intervals, self.output)
-            return
         with progress() as bar:
             paths = list_recordings(self.path)
             task = bar.add_task("reading", total=None)

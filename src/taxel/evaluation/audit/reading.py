@@ -27,6 +27,7 @@ from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import CameraInfo, Mark
 from taxel.windows.camera_recordings import frame_sets
 from taxel.windows.camera_trials import TABLES, are_camera_trials
+from taxel.windows.checks import check_size
 
 SQUARES = (6, 8)
 """Rows and columns that a camera's frame is shrunk to. Source: the first-frame control of
@@ -185,6 +186,7 @@ def _array_recording(path: Path) -> _Read:
     }  # fmt: skip
     usable = samples.usable & np.isfinite(samples.values)
     rows = np.where(usable, samples.values, np.float32(0.0))
+    check_size(rows, sensor.channels, lambda at: f"{path.name}, at {samples.fitted_s[at]:.2f} s")
     scans = np.stack([usable.sum(axis=0), rows.sum(axis=0, dtype=np.float64),
                       np.square(rows, dtype=np.float64).sum(axis=0)])  # fmt: skip
     return _Read(name=path.name, manifest=recording.manifest, marks=recording.marks, rows=rows,

@@ -14,7 +14,7 @@ import math
 import re
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from taxel.errors import BadInput, BadSplit, MissingExtra
+from taxel.errors import BadInput, BadSplit, MissingExtra, RecordingFailed
 from taxel.held import only_writer
 from taxel.jobs.call import JobResult
 from taxel.jobs.running import result_of, submit, width
@@ -93,7 +93,7 @@ class Store:
             raise MissingExtra("optuna", "tune", "a search for settings") from error
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self.alone = url.startswith("sqlite") if alone is None else alone
-        self._optuna = optuna
+        self._optuna, self._url = optuna, url
         kind: dict[str, Any] = {"engine_kwargs": {"connect_args": {"timeout": 60.0}}}
         if not self.alone:
             kind = {
@@ -128,7 +128,20 @@ class Store:
 
         Raises:
             BadSplit: No trial could be scored.
+            RecordingFailed: The database took no more, as on a full disk.
         """
+        from sqlalchemy.exc import SQLAlchemyError
+
+        try:
+            return self._search(what, on_step)
+        except (self._optuna.exceptions.StorageInternalError, SQLAlchemyError) as error:
+            got = _first_line(error.__cause__ or error)
+            raise RecordingFailed(
+                f"needed to keep trials in {self._url}; got {got}; "
+                "make room or mend the database, and run the same command again."
+            ) from error
+
+    def _search(self, what: Search, on_step: Callable[[str], None]) -> BestSettings:
         optuna = self._optuna
         study = optuna.create_study(
             storage=self.storage, study_name=what.name, direction="maximize", load_if_exists=True,
@@ -139,8 +152,9 @@ class Store:
         try:
             while True:
                 left = what.trials - len(self._finished(study)) - len(running)
+                left = max(left, self._lacks_as_is(study, running.values()))
                 for _ in range(min(left, width() - len(running))):
-                    trial = self._ask(study, what, len(running))
+                    trial = self._ask(study, what, running.values())
                     running[self._next_fold(what, trial)] = trial
                 if not running:
                     return self._best(study)
@@ -153,18 +167,23 @@ class Store:
         finally:
             self._beating.clear()
 
-    def _ask(self, study: Any, what: Search, running: int) -> _Running:
-        """Begin a trial; the first is the recipe as it is."""
-        begun = len(self._finished(study)) + running
+    def _ask(self, study: Any, what: Search, running: Collection[_Running]) -> _Running:
+        """Begin a trial; the first is the recipe as it is, again where a kill ended it."""
+        begun = len(self._finished(study)) + len(running)
         state = np.random.SeedSequence([what.seed, begun]).generate_state(1)
         study.sampler = self._optuna.samplers.TPESampler(seed=int(state[0]))
         with _quiet():
             trial = study.ask()
         self._beating.add(trial._trial_id)
-        if begun == 0 or trial.user_attrs.get(_AS_IS):
+        if trial.user_attrs.get(_AS_IS) or self._lacks_as_is(study, running):
             trial.set_user_attr(_AS_IS, True)
             return _Running(trial, {})
         return _Running(trial, what.propose(trial))
+
+    def _lacks_as_is(self, study: Any, running: Collection[_Running]) -> bool:
+        """Return whether the recipe as it is was neither finished nor is among what runs here."""
+        trials = [*self._finished(study), *(own.trial for own in running)]
+        return not any(trial.user_attrs.get(_AS_IS) for trial in trials)
 
     def _next_fold(self, what: Search, running: _Running) -> Future[JobResult]:
         job = what.job(running.values, len(running.scores))
@@ -288,5 +307,5 @@ def _mean(scores: list[float]) -> float:
     return float(np.mean(known)) if known else math.nan
 
 
-def _first_line(error: Exception) -> str:
+def _first_line(error: BaseException) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0]

@@ -1,5 +1,7 @@
 // The fleet's table, asked for once a second. Text of stations is only ever set as text.
 
+const AGAIN_MS = 1000;
+const WAIT_MS = 3000; // An answer that takes longer is none: what is shown would pass for the present.
 const rows = document.getElementById("rows");
 const state = document.getElementById("state");
 
@@ -8,7 +10,7 @@ async function enter() {
   const key = location.hash.slice(1);
   if (!key) return;
   history.replaceState(null, "", location.pathname);
-  await fetch("/enter", { method: "POST", body: key });
+  await fetch("/enter", { method: "POST", body: key, signal: AbortSignal.timeout(WAIT_MS) });
 }
 
 function cell(text, kind = "") {
@@ -40,14 +42,16 @@ function showState(text, lost) {
 
 async function look() {
   try {
-    const answer = await fetch("/fleet.json");
+    await enter();
+    const answer = await fetch("/fleet.json", { signal: AbortSignal.timeout(WAIT_MS) });
     if (!answer.ok) {
       showState("needed the key: open the address that taxel printed", true);
       return;
     }
     const fleet = await answer.json();
     rows.replaceChildren(...fleet.stations.map(row));
-    const parts = [`${fleet.stations.length} stations, broker ${fleet.broker.address}`];
+    const many = `${fleet.stations.length} station${fleet.stations.length === 1 ? "" : "s"}`;
+    const parts = [`${many}, broker ${fleet.broker.address}`];
     if (!fleet.broker.connected) parts.push(fleet.broker.why);
     if (fleet.beyond) parts.push("TABLE FULL: further stations are not shown");
     if (fleet.refused) parts.push(`messages refused: ${fleet.refused}`);
@@ -57,6 +61,10 @@ async function look() {
   }
 }
 
-await enter();
-await look();
-setInterval(look, 1000);
+/** Ask again once the answer is there or given up: never twice at a time. */
+async function follow() {
+  await look();
+  setTimeout(follow, AGAIN_MS);
+}
+
+follow();

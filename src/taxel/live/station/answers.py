@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from taxel.actions.rule_table import RuleTable
+from taxel.decisions.reasons import REASONS
+from taxel.decisions.recognition import UNKNOWN
 
 _NO_RULES = RuleTable(())
 
@@ -60,14 +62,20 @@ class Answers:
         news = f"{note['target']} {answer}: {note['action']}"
         return note, news if note["action"] not in ("", before) else ""
 
-    def newest(self) -> list[dict[str, Any]]:
-        """Return the newest answers as the page's link gives them."""
+    def newest(self, given_up: Collection[str] = ()) -> list[dict[str, Any]]:
+        """Return the newest answers as the page's link gives them.
+
+        Args:
+            given_up: Recognisers whose process is not started again: what they answered last is
+                not of what is in the hand now.
+        """
         return [
-            {"target": title, "label": note["grasp"], "confidence": note["grasp_confidence"],
-             "reason": _what_it_is_of(note), "action": note["action"]}
+            _ended(title, recogniser["who"])
+            if recogniser["who"] in given_up
+            else _as_shown(title, note)
             for recogniser, title in zip(self._recognisers, titles(self._recognisers), strict=True)
             if (note := self._newest.get(recogniser["who"])) is not None
-        ]  # fmt: skip
+        ]
 
     def summary(self) -> list[dict[str, Any]]:
         """Return how many windows of each recogniser had which answer."""
@@ -77,6 +85,17 @@ class Answers:
              "actions": dict(self._actions[recogniser["who"]].most_common())}
             for recogniser, counts in zip(self._recognisers, self._counts.values(), strict=True)
         ]  # fmt: skip
+
+
+def _as_shown(title: str, note: dict[str, Any]) -> dict[str, Any]:
+    return {"target": title, "label": note["grasp"], "confidence": note["grasp_confidence"],
+            "reason": _what_it_is_of(note), "action": note["action"]}  # fmt: skip
+
+
+def _ended(title: str, who: str) -> dict[str, Any]:
+    """Return what stands in an answer's place where its process has ended for good."""
+    return {"target": title, "label": UNKNOWN, "confidence": None,
+            "reason": REASONS["monitor ended"].say(who=who), "action": ""}  # fmt: skip
 
 
 def _what_it_is_of(note: dict[str, Any]) -> str:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.envelope import is_grasp_bundle
+from taxel.bundles.envelope import checksum_of, is_grasp_bundle
 from taxel.bundles.grasp import read_grasp_bundle
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.signing import Trust
@@ -27,6 +27,7 @@ from taxel.decisions.reasons import kind_of
 from taxel.decisions.recognition import RecogniseConfig
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.decisions.still_channels import StillChannel
+from taxel.errors import BadBundle
 from taxel.live.outages import Outage, OutageWatch
 from taxel.live.rate_watch import RateChange
 from taxel.live.recogniser import Answer, Recogniser
@@ -58,6 +59,8 @@ class Inference:
 
     place: Place
     bundles: tuple[Path, ...]
+    checksums: tuple[str, ...] = ()
+    """Of the bundles as the station began with them; any others are refused. Empty: not known."""
     sensor: SensorInfo
     cameras: tuple[CameraInfo, ...]
     ring: str
@@ -312,6 +315,16 @@ _Watcher = _GraspWatcher | _RecogniseWatcher
 
 
 def _watcher(path: Path, job: Inference, writer: RingWriter, number: int) -> _Watcher:
+    """Open a bundle; a process that follows a dead one runs no other than that one did.
+
+    Raises:
+        BadBundle: The file was replaced since the station began.
+    """
+    if job.checksums and checksum_of(path) != job.checksums[number]:
+        raise BadBundle(
+            f"{path} as it was when this station began", "another file in its place",
+            "put that bundle back, or end the station and start it again",
+        )  # fmt: skip
     made: Callable[[Path, Inference, RingWriter, int], _Watcher] = (
         _GraspWatcher if is_grasp_bundle(path) else _RecogniseWatcher
     )

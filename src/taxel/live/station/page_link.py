@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic, sleep
@@ -105,9 +105,14 @@ class StationView:
 
     Args:
         config: The station's rings.
+
+    Raises:
+        MissingExtra: A camera gives depth images, which need OpenCV to be shown.
     """
 
     def __init__(self, config: ViewConfig) -> None:
+        self._cameras = apart([camera for source in config.sources for camera in source.cameras])
+        need_depth_pictures(self._cameras)
         self._config = config
         self._sources = [RingReader(source.ring) for source in config.sources]
         self._decisions = [RingReader(name) for name in config.decisions]
@@ -115,7 +120,6 @@ class StationView:
         self._requests = RingWriter(config.requests)
         self._asking = threading.Lock()  # a ring has one writer, and requests come from threads
         self._board = BeatsView(config.beats)
-        self._cameras = apart([camera for source in config.sources for camera in source.cameras])
         self._frames: list[tuple[int, bytes] | None] = [None] * len(self._cameras)
         self._depth: dict[int, bytes] = {}
         """Depth images that came and were not drawn yet, the newest of each camera."""
@@ -150,7 +154,7 @@ class StationView:
             ],
             "array": None if array is None else {
                 "name": array.sensor.name, "channels": list(array.sensor.channels),
-                "unit": array.sensor.units[0], "rows": _MAP_ROWS,
+                "unit": shown_unit(array.sensor), "rows": _MAP_ROWS,
             },
         }  # fmt: skip
 
@@ -299,6 +303,21 @@ def _shown_array(seen: PageSeen) -> _Array:
         return _Array(seen.sensor)
     newtons = LiveNewtons(read_calibration(seen.calibration), seen.sensor)
     return _Array(newtons.info, newtons)
+
+
+def need_depth_pictures(cameras: Iterable[CameraInfo]) -> None:
+    """Refuse to show a depth camera where no image can be drawn: its place would stay empty.
+
+    Raises:
+        MissingExtra: OpenCV is not installed.
+    """
+    if any(camera.coding == DEPTH_PNG for camera in cameras):
+        import taxel.frame_codec  # noqa: F401  # names its extra where it is missing
+
+
+def shown_unit(sensor: SensorInfo) -> str:
+    """Return the unit that all channels share, in words where they have several."""
+    return sensor.units[0] if len(set(sensor.units)) == 1 else "mixed units"
 
 
 def draw_depth(png: bytes, camera: CameraInfo) -> bytes | None:

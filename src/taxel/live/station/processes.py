@@ -26,6 +26,8 @@ _OPEN_S = 30.0
 """How long a process may take to open what it needs, seconds. Source: our choice."""
 _END_S = 5.0
 """How long processes may take to end before they are killed, seconds. Source: our choice."""
+_LONGEST_WHY = 300
+"""Characters of a process's own words on why it ended. Source: our choice, docs/decisions/0019."""
 _RESTARTS, _WITHIN_S = 5, 30.0
 """A process that dies more often than so many times in so many seconds is given up. Our choice."""
 
@@ -116,7 +118,8 @@ class ProcessGroup:
                 continue
             if self._beats.read(worker.row).work is Work.ENDED and process.exitcode == 0:
                 continue
-            how = f"signal {-process.exitcode}" if process.exitcode < 0 else "an error"
+            ended_by_signal = process.exitcode < 0
+            how = f"signal {-process.exitcode}" if ended_by_signal else f"an error{_why(worker)}"
             process.join()
             found.append((worker, how))
         return found
@@ -189,3 +192,16 @@ class ProcessGroup:
         worker.began_s.append(monotonic())
         worker.process.start()
         theirs.close()
+
+
+def _why(worker: Worker) -> str:
+    """Return in brackets what a dead process said of its error; empty where it said nothing."""
+    words: tuple[Any, ...] = ("opened",)
+    # Whatever it sent: the supervisor must not end by what another process died of.
+    with contextlib.suppress(Exception):
+        while worker.report is not None and words[0] == "opened" and worker.report.poll(0.0):
+            words = worker.report.recv()
+    if words[0] == "opened":
+        return ""
+    text = str(words[1]).partition("\n")[0].rstrip(".")
+    return f" ({text[:_LONGEST_WHY]})"

@@ -18,7 +18,7 @@ from taxel.actions.alarm import Level
 from taxel.decisions.advice import Advice
 from taxel.live.station.alarm_watch import stall_words
 from taxel.live.station.beats import Beat
-from taxel.live.station.guard import STALL, STOP, Guard
+from taxel.live.station.guard import NO_GRASP, STALL, STOP, Guard
 
 STAGES = ("capture", "source", "hand over", "wait", "model", "alarm")
 """From the shutter to the host, until the source has put it into its ring, until the monitor has
@@ -82,7 +82,8 @@ def guard_snapshot(guard: Guard, now_s: float) -> dict[str, Any]:
     word, reason, since_s = guard.shown
     p, score = guard.probability, guard.score
     return {
-        "time_s": now_s, "state": word, "reason": reason, "since_s": since_s,
+        "time_s": now_s, "state": word, "reason": reason,
+        "since_s": None if word == NO_GRASP else since_s,
         "probability": p if math.isfinite(p) else None,
         "score": score if math.isfinite(score) else None,
         "slip": None if guard.slip is None else guard.slip.as_dict(),

@@ -290,7 +290,7 @@ class Station:
         """Return the state of everything, as the page's link gives it."""
         bundles = [entry for monitor in self.wiring.monitors for entry in monitor.bundles]
         limits = next((entry for entry in bundles if "warn" in entry), {})
-        answers = self.answers.newest()
+        answers = self.answers.newest(self.wiring.given_up)
         return guard_snapshot(self.guard, now_s) | {
             "thresholds": {k: limits[k] for k in ("clear", "warn", "unstable") if k in limits},
             "scored": limits.get("is_score", False),

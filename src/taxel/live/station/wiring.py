@@ -16,6 +16,7 @@ from urllib.parse import parse_qsl
 
 from taxel.actions.interlock import InterlockConfig
 from taxel.actions.rule_table import RuleTable
+from taxel.bundles.envelope import checksum_of
 from taxel.bundles.signing import Trust
 from taxel.calibration.stored import read_calibration
 from taxel.errors import BadInput, BadSource
@@ -133,6 +134,7 @@ class Wiring:
         """Ring of the page's requests."""
         for path in config.bundles:  # before anything is opened
             read_own_contract(path, config.trust)
+        self._checksums = {path: checksum_of(path) for path in config.bundles}
         for number, url in enumerate(config.sources):
             _check_pace(url)
             self._start_feed(url, number)
@@ -150,6 +152,12 @@ class Wiring:
     def watches(self) -> bool:
         """True where a grasp is watched."""
         return any(monitor.watches for monitor in self.monitors)
+
+    @property
+    def given_up(self) -> frozenset[str]:
+        """Names of monitors and recognisers whose process is not started again."""
+        ended = [monitor for monitor in self.monitors if monitor.worker.given_up]
+        return frozenset(entry["who"] for monitor in ended for entry in monitor.bundles)
 
     def view_config(self) -> ViewConfig:
         """Return what a page needs to see this station."""
@@ -242,7 +250,9 @@ class Wiring:
 
         def job(place: Place) -> Inference:
             return Inference(
-                place=place, bundles=paths, sensor=feed.sensor, cameras=feed.cameras,
+                place=place, bundles=paths,
+                checksums=tuple(self._checksums[path] for path in paths),
+                sensor=feed.sensor, cameras=feed.cameras,
                 ring=feed.ring, source_row=feed.worker.row, decisions=decisions,
                 least_confidence=self._config.least_confidence, orders=orders,
                 drill=self._config.drill, trust=self._config.trust,

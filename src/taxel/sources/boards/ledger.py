@@ -81,7 +81,8 @@ class BoardLedger:
         """Return in words what of its scans is not in the rows; empty where that is none."""
         found = {
             "lost": self.lost, "lost while its port was gone": self.lost_away,
-            "too late for their rows": self.late, "not sent by the board": self.dropped,
+            "too late for their rows (late_ms= sets how long these wait)": self.late,
+            "not sent by the board": self.dropped,
             "damaged lines or messages": sum(n for why, n in self.bad.items() if why != "text"),
             "reconnects": self.reconnects, "restarts": self.reboots,
         }  # fmt: skip

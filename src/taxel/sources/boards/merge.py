@@ -62,10 +62,16 @@ class BoardMerge:
         channels: Columns of each board.
         ledgers: One a board, to count what is late, repeated or skipped.
         rate_hz: Nominal scans a second of each board, hertz.
+        wait_s: How long a row waits for scans that are late, seconds; by the number of boards
+            unless given. A link that delivers in bursts needs more than the time between two.
     """
 
     def __init__(
-        self, channels: Sequence[int], ledgers: Sequence[BoardLedger], rate_hz: float
+        self,
+        channels: Sequence[int],
+        ledgers: Sequence[BoardLedger],
+        rate_hz: float,
+        wait_s: float | None = None,
     ) -> None:
         edges = np.concatenate(([0], np.cumsum(channels))).tolist()
         self._boards = [
@@ -75,7 +81,8 @@ class BoardMerge:
         self._width = edges[-1]
         self._none = Samples.empty(self._width)
         self._period_s = self._nominal_s = 1.0 / rate_hz
-        self._wait_s = max(WAIT_S if len(channels) > 1 else WAIT_ALONE_S, 2.5 * self._period_s)
+        usual_s = WAIT_S if len(channels) > 1 else WAIT_ALONE_S
+        self._wait_s = max(usual_s if wait_s is None else wait_s, 2.5 * self._period_s)
         self._anchor: tuple[int, float] | None = None
         self._slope: list[tuple[int, float]] = []
         self._next = self._first = 0

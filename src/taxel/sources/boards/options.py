@@ -53,6 +53,8 @@ class SerialOptions:
     """How long opening waits, seconds."""
     bundle_s: float
     """Rows are given together at most this often, seconds."""
+    late_s: float | None
+    """How long a row waits for late scans, seconds; None: as usual, see `BoardMerge`."""
 
 
 _OF_CSV = ("time", "unit", "full_scale")
@@ -75,6 +77,7 @@ def read_options(name: str, options: dict[str, str]) -> SerialOptions:
     unknown = [key for key in (_OF_WIRE if csv else _OF_CSV) if key in left]
     names = left.pop("channels", "")
     bundle_ms = _number(left, "bundle_ms", 0.0, 1000.0)
+    late_ms = _number(left, "late_ms", 1.0, 10_000.0)
     read = SerialOptions(
         paths=paths,
         format="csv" if csv else "wire",
@@ -88,6 +91,7 @@ def read_options(name: str, options: dict[str, str]) -> SerialOptions:
         name=left.pop("name", "boards"),
         wait_s=_number(left, "wait_s", 0.1, 600.0) or HELLO_S,
         bundle_s=BUNDLE_S if bundle_ms is None else bundle_ms / 1000.0,
+        late_s=None if late_ms is None else late_ms / 1000.0,
     )
     if left or unknown:
         raise BadSource(

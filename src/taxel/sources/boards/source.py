@@ -75,6 +75,7 @@ class SerialBoards:
             [self._width(stream) for stream in self._streams],
             [stream.ledger for stream in self._streams],
             self._info.rate_hz,
+            self._options.late_s,
         )
         self._none = Samples.empty(len(self._info.channels))
 
@@ -95,7 +96,8 @@ class SerialBoards:
         """Return the rows since the last call; none after `timeout_s` seconds without any.
 
         A row comes as soon as all boards' scans of its moment are there, and at the
-        latest 30 ms after it (100 ms with a single board), with what is missing flagged.
+        latest 30 ms after it (100 ms with a single board; late_ms= says otherwise), with what
+        is missing flagged.
         """
         now_s = self._clock.now_s()
         until_s = now_s + timeout_s

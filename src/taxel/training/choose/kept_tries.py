@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadFile
 from taxel.foreign.archives import read_arrays
+from taxel.held import sweep
 from taxel.recordings.whole import write_whole
 from taxel.training.choose.candidates import Candidate
 
@@ -87,7 +88,8 @@ class KeptTries:
         if self._folder is None or self._folder.is_symlink():
             return
         with suppress(OSError):
-            for path in (*self._folder.glob("*.npz"), *self._folder.glob("*.npz.part")):
+            sweep(self._folder)
+            for path in self._folder.glob("*.npz"):
                 path.unlink()
             self._folder.rmdir()
 

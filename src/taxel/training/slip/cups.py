@@ -11,10 +11,12 @@ Source: docs/decisions/0036.
 from __future__ import annotations
 
 import io
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -328,7 +330,7 @@ def keep_runs(
 ) -> list[PourRows]:
     """Return the poses of some runs; read from `path`, or followed and written there.
 
-    Poses that an earlier version of taxel kept are found anew.
+    Poses that an earlier version of taxel kept, or that are damaged, are found anew.
 
     Args:
         path: The file.
@@ -338,27 +340,32 @@ def keep_runs(
     Raises:
         RecordingFailed: The disk refused.
     """
-    if not _is_of_now(path):
-        arrays: dict[str, NDArray[Any]] = {_STAMP: np.array(_VERSION)}
-        for number, pour in enumerate(follow(runs)):
-            arrays |= {f"{number}/{key}": value for key, value in _as_arrays(pour).items()}
-        file = io.BytesIO()
-        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-        write_whole(path, file.getvalue())
+    kept = _kept(path, runs)
+    if kept is not None:
+        return kept
+    arrays: dict[str, NDArray[Any]] = {_STAMP: np.array(_VERSION)}
+    for number, pour in enumerate(follow(runs)):
+        arrays |= {f"{number}/{key}": value for key, value in _as_arrays(pour).items()}
+    file = io.BytesIO()
+    np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+    write_whole(path, file.getvalue())
     return read_runs(path, runs)
 
 
-def _is_of_now(path: Path) -> bool:
-    """Return whether a file is there and holds poses as this version finds them."""
-    if not path.exists():
-        return False
-    with np.load(path, allow_pickle=False) as stored:
-        return _STAMP in stored.files and int(stored[_STAMP]) == _VERSION
+def _kept(path: Path, runs: Sequence[PourRun]) -> list[PourRows] | None:
+    """Return what a file holds; None where it is not there, damaged, or of an earlier version."""
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            if _STAMP not in stored.files or int(stored[_STAMP]) != _VERSION:
+                return None
+        return read_runs(path, runs)
+    except (OSError, EOFError, KeyError, TypeError, ValueError, BadZipFile, zlib.error):
+        return None
 
 
 def read_runs(path: Path, runs: Sequence[PourRun]) -> list[PourRows]:
     """Return the pours that `keep_runs` has written."""
-    with np.load(path, allow_pickle=False) as stored:
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
         arrays = dict(stored)
     return [_from_arrays(run, arrays, number) for number, run in enumerate(runs)]
 

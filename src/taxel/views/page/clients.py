@@ -20,6 +20,7 @@ from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from taxel.errors import TaxelError
 from taxel.plain_text import MOST_NAME, visible, visible_line
 from taxel.views.page.link import PersonLog, PlanSteps, ReplayControls, StationLink
 from taxel.views.page.messages import (
@@ -78,6 +79,8 @@ class _Client:
     seen: asyncio.Event = field(default_factory=asyncio.Event)
     under_way: set[asyncio.Task[None]] = field(default_factory=set)
     """Commands that are being carried out."""
+    failed: str = ""
+    """Why the newest push holds nothing; empty where it does."""
     allowance: float = MESSAGES_HZ
     heard_s: float = 0.0
 
@@ -166,9 +169,12 @@ class Clients:
             text = to_json(push)
             client.since_s = float(traces.get("time_s", client.since_s))
         except Exception as error:  # a link that fails must show on the page, not end it
-            _log.exception("the station's link failed")
             reason = f"{type(error).__name__}: {error}"[:200]
+            if reason != client.failed:  # not with each push: a page may stay open for days
+                _log.error("the page cannot be drawn: %s", reason, exc_info=_unforeseen(error))
+            client.failed = reason
             return [], to_json({"number": client.number, "failed": reason})
+        client.failed = ""
         return images, text
 
     def _images(self, client: _Client, cameras: int) -> list[bytes]:
@@ -259,6 +265,11 @@ class Clients:
                 case _:
                     return "only a recording can be wound"
         return ""
+
+
+def _unforeseen(error: Exception) -> Exception | None:
+    """Return an error whose trace a developer needs; none for those that say how to mend them."""
+    return None if isinstance(error, TaxelError) else error
 
 
 def to_json(value: object) -> str:

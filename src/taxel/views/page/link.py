@@ -33,7 +33,7 @@ class StationLink(Protocol):
         Returns:
             time_s: when this was true; it must move on while the station lives, or the
                 page says STALE after 0.5 s.
-            state: one of `STATES`; reason: why, in a few words; since_s: when it began;
+            state: one of `STATES`; reason: why, in a few words; since_s: when it began, or None;
             probability: of instability 0…1, or None;
             scored (may be left out): True where the monitor gives no probability but a warning's
                 score, 0…1 or None, in the field score;

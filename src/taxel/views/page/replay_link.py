@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from taxel.clock import Clock, SystemClock
 from taxel.decisions.reasons import REASONS
 from taxel.image_head import is_sound
-from taxel.live.station.page_link import draw_depth
+from taxel.live.station.page_link import draw_depth, need_depth_pictures, shown_unit
 from taxel.recordings.chunk_content import ChunkContent
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import read_manifest
@@ -48,12 +48,14 @@ class ReplayLink:
 
     Raises:
         BadRecording: It is missing, no recording of taxel's, cut short, damaged, or empty.
+        MissingExtra: It has depth images, which need OpenCV to be shown.
     """
 
     def __init__(self, path: Path, clock: Clock | None = None) -> None:
         self._path = path
         self._clock = clock or SystemClock()
         self._manifest = read_manifest(path)
+        need_depth_pictures(self._manifest.cameras)
         self._index = read_index(path, self._manifest)
         self._start_s, self._end_s = self._index.start_s, self._index.end_s
         self._low, self._span = _scale(self._manifest, self._index.values)
@@ -150,7 +152,7 @@ class ReplayLink:
             "array": {
                 "name": sensor.name,
                 "channels": list(sensor.channels),
-                "unit": sensor.units[0] if len(set(sensor.units)) == 1 else "mixed units",
+                "unit": shown_unit(sensor),
                 "rows": _MAP_ROWS,
             }
             if sensor.channels

@@ -71,7 +71,7 @@ def latency_part(latencies: Mapping[str, NetworkLatency], thesis: bool) -> Html:
                 "One window to its probabilities, scaling included, exported and run in ONNX "
                 f"Runtime on one thread of this machine, while this page was made; {calls} calls.",
             ),
-            table(["run", "median, µs", "95 %, µs", "99 %, µs", "model, kB"], rows, quiet=quiet),
+            table(["run", "median, µs", "p95, µs", "p99, µs", "model, kB"], rows, quiet=quiet),
         ]
     )
 

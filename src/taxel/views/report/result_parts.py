@@ -83,13 +83,14 @@ def accuracies(
             ),
             figure(
                 dot_chart(dots),
-                f"Accuracy over all test windows with 95 % intervals, whole {group}s resampled. "
-                "Grey: trivial baselines, which see no touch or hardly any.",
+                f"Accuracy over all test windows, with 95 % CI, bootstrapped over {group}s. Grey: "
+                "baselines, which see no touch, hardly any, or only channel means.",
             ),
             join([tag("p", said) for said in {_lone(judged[name]) for name in runs} if said]),
             _cleared({name: judged[name] for name in runs}, runs),
             table(
-                ["run", "model", "windows", f"95 % by {group}", "whole trials", "loss, nats",
+                ["run", "model", "accuracy", f"95 % CI over {group}s, %",
+                 "by trial", "loss, nats",
                  "ROC-AUC", "F1", "parameters"],
                 rows,
                 quiet=range(len(runs), len(rows)),
@@ -195,8 +196,8 @@ def each_run(name: str, run: Run, own: RunScores, ink: str) -> Html:
                 + (f" {len(own.by_group) - 40} more not shown." if len(own.by_group) > 40 else ""),
             ),
             *_training(run, ink),
-            tag("p", "How sure the accuracy is depends on what is taken as one independent thing:"),
-            table(["resampled whole", "how many", "95 % of the accuracy"], intervals),
+            tag("p", "How wide the interval is depends on what is resampled as independent:"),
+            table(["resampled whole", "how many", "95 % CI of the accuracy, %"], intervals),
         ]
     )
 
@@ -243,7 +244,7 @@ def _reliability(own: RunScores, ink: str) -> Html:
         colour=ink,
     )
     axes = (
-        Axis(label="probability it gives its answer", low=0, high=1),
+        Axis(label="confidence", low=0, high=1),
         Axis(label="share correct", low=0, high=1),
     )
     return line_chart([line], *axes, diagonal=True, size=(300, 240))
@@ -254,16 +255,15 @@ def _trust(own: RunScores) -> str:
     says = sum(bin_.confidence * bin_.windows for bin_ in own.reliability) / windows
     off = says - own.scores.accuracy
     kind = (
-        "too sure"
+        "overconfident"
         if off > 0.02
-        else "not sure enough"
+        else "underconfident"
         if off < -0.02
-        else "about as sure as it may be"
+        else "well calibrated on average"
     )
     return (
-        f"It gives its answers {percent(says)} on average and is right in "
-        f"{percent(own.scores.accuracy)}: {kind}. Expected calibration error "
-        f"{own.calibration_error:.3f}."
+        f"Mean confidence {percent(says)}, accuracy {percent(own.scores.accuracy)}: {kind}. "
+        f"Expected calibration error {own.calibration_error:.3f}."
     )
 
 

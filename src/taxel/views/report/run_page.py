@@ -115,11 +115,12 @@ def _tiles(page: RunPage, judged: Mapping[str, RunScores]) -> Html:
         for name, result in page.adapted.items()
         if name not in judged and "all" in result.now.change.after
     ]
-    best = [max(run.trivial.values()) for run in page.runs.values() if run.trivial]
-    if best:
-        figures.append((percent(max(best)), "best trivial baseline"))
+    trivial = [(value, name) for run in page.runs.values() for name, value in run.trivial.items()]
+    if trivial:
+        value, name = max(trivial)
+        figures.append((percent(value), f"best baseline: {name}"))
     figures += [
-        (f"{1000 * latency.median_ms:,.0f} µs", f"{name}, one window")
+        (f"{1000 * latency.median_ms:,.0f} µs", f"{name}, median latency of a window")
         for name, latency in page.latencies.items()
     ]
     return tiles(figures) if figures else Html("")

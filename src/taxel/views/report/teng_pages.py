@@ -37,8 +37,8 @@ def write_teng_report(path: Path, sections: list[Section], folders: dict[str, Pa
         "random (decision 42), and the preset paper, one session a class, is our reading. Here "
         "every result is "
         "also given with whole sessions held out. Read both: the distance between them is what "
-        "a split by windows hides. Grey dots are trivial baselines that see no touch, or "
-        "hardly any; a network that does not clear them has learned little.</p>",
+        "a split by windows hides. Grey dots are baselines that see no touch, hardly "
+        "any, or only channel means; a network below them has learned little.</p>",
     ]
     for preset, folder in folders.items():
         parts.append(_signal(preset, folder))

@@ -56,8 +56,9 @@ function trial(plan) {
 function hand(snapshot) {
   const answer = (snapshot.answers || [])[0];
   const named = answer && answer.label && answer.label !== "UNKNOWN";
-  const word = named ? String(answer.label).toUpperCase() : "NOT TOLD";
-  return { kind: "HAND", word, reason: answer ? `${answer.target}; no grasp is watched` : "no grasp is watched" };
+  const word = named ? String(answer.label).toUpperCase() : answer ? "UNKNOWN" : "NO ANSWER YET";
+  const why = answer ? [answer.target, named ? "" : answer.reason] : [];
+  return { kind: "HAND", word, reason: [...why, "no grasp is watched"].filter(Boolean).join("; ") };
 }
 
 /** Return "warning", "danger", "lost" or "": what should sound. */
@@ -98,6 +99,7 @@ export function slipWords(slip) {
 
 /** Return the name, the number and the threshold of what a monitor goes by: a probability, or a warning's score. */
 export function evidence(snapshot) {
+  if (snapshot.state === "NONE") return { name: "Events", now: "", from: "" };
   const name = snapshot.scored ? "Warning score" : "Probability of instability";
   const warn = snapshot.thresholds?.warn;
   return { name, now: number(snapshot.scored ? snapshot.score : snapshot.probability, 2), from: Number.isFinite(warn) ? `warns from ${number(warn, 2)}` : "" };
