@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.cli.main import VERBS, load_verb, main, split_door
+from taxel.cli.main import VERBS, load_verb, main, split_command
 from taxel.cli.old_spellings import refuse_old
 from taxel.cli.options.rules import check_rules
 from taxel.cli.parsing import BadOption, parse
@@ -59,8 +59,8 @@ def test_every_command_as_it_is_printed_is_understood(page: Path):
             continue
         try:
             refuse_old(words)
-            door, rest = split_door(words)
-            check_rules(parse(load_verb(door), door, rest), rest)
+            command, rest = split_command(words)
+            check_rules(parse(load_verb(command), command, rest), rest)
         except BadOption as error:
             if whole or "; got none; " not in str(error):  # part of a command lacks words
                 refused.append(f"{line}: {error}")

@@ -42,13 +42,13 @@ def _verb_page(verb: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _parser(door: str) -> Any:
+def _parser(command: str) -> Any:
     """Return the options of a verb, or of a "verb kind", as tyro's own argparse holds them."""
     with warnings.catch_warnings():
         # The only way to a verb's options as data; taxel pins tyro below 2.
         warnings.simplefilter("ignore", DeprecationWarning)
         with plain_types():
-            return tyro.extras.get_parser(load_verb(door), prog=f"taxel {door}")
+            return tyro.extras.get_parser(load_verb(command), prog=f"taxel {command}")
 
 
 def _lines(parser: Any, name: str, level: int) -> Iterator[str]:

@@ -42,12 +42,12 @@ class BadInput(TaxelError, ValueError):
         super().__init__(" ".join(f"needed {needed}; got {got}; {mend}.".splitlines()))
 
     def __reduce__(self) -> tuple[type[BadInput], tuple[str, str, str]]:
-        """Cross from a worker process as what it was made of, not as its message."""
+        """Pickle by the constructor's arguments, so that a worker's error arrives whole."""
         return type(self), (self.needed, self.got, self.mend)
 
 
 class BadFile(BadInput):
-    """A file is no plain file, larger than is read, or nested or packed beyond measure."""
+    """A file is not a plain file, too large, or nested or packed too deeply."""
 
 
 class BadTable(BadInput):
@@ -90,7 +90,7 @@ class WorkerLost(TaxelError, RuntimeError):
         )
 
     def __reduce__(self) -> tuple[type[WorkerLost], tuple[str, str, int]]:
-        """Cross from a worker process as what it was made of, not as its message."""
+        """Pickle by the constructor's arguments, so that a worker's error arrives whole."""
         return type(self), self._made_of
 
 
@@ -107,5 +107,5 @@ class MissingExtra(TaxelError, ImportError):
         )
 
     def __reduce__(self) -> tuple[type[MissingExtra], tuple[str, str, str]]:
-        """Cross from a worker process as what it was made of, not as its message."""
+        """Pickle by the constructor's arguments, so that a worker's error arrives whole."""
         return type(self), (self.package, self.extra, self.purpose)

@@ -188,7 +188,10 @@ def _abandoned(folder: Path) -> int | None:
 
 
 def _finish(folder: Path) -> None:
-    """Give an output its name that had lost it to a newer one, which then did not take it."""
+    """Complete a replacement that was cut off: give the output's name to the new files.
+
+    Where the new ones are gone, the replaced ones get their name back.
+    """
     made = output_of(folder / MADE)
     if made is None or not (folder / REPLACED).exists():
         return

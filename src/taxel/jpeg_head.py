@@ -151,7 +151,11 @@ def _length(jpeg: bytes, at: int) -> int:
 def _frame(
     mark: int, body: bytes, size: tuple[int, int] | None, *, own_file: bool
 ) -> tuple[JpegHead, int]:
-    """Return what a frame's head says, and how many scans it may have, where it may be decoded."""
+    """Return a frame header's content, and how many scans the frame may have.
+
+    Raises:
+        BadSource: It is of a kind that is not decoded.
+    """
     progressive = own_file and mark == _PROGRESSIVE
     if mark not in _SEQUENTIAL and not progressive:
         raise BadSource(

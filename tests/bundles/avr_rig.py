@@ -18,7 +18,7 @@ from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import write_bundle
 from taxel.evaluation.splits import by_group
 from taxel.sources.simulated.data_sets import simulate_presets
-from taxel.training.fitting import Job, Lesson, fit_model
+from taxel.training.fitting import Job, TrainingSet, fit_model
 from taxel.training.loop import TrainConfig
 from taxel.training.run import Run, contract_of, save_run
 from taxel.windows.config import TENG_WINDOW, WindowConfig
@@ -41,8 +41,8 @@ class Trained:
         self.train, self.test = fold.windows(self.dataset)
         self.y = self.dataset.class_numbers("shape")
         values = self.dataset.windows.values
-        lesson = Lesson.of(self.dataset, "shape", self.train)
-        fitted = fit_model(lesson, Job(model="cnn2d", target="shape"))
+        training = TrainingSet.of(self.dataset, "shape", self.train)
+        fitted = fit_model(training, Job(model="cnn2d", target="shape"))
         contract = contract_of(self.dataset, "shape", "cnn2d", fitted.networks, fitted.scaling, {})
         run = Run(
             networks=fitted.networks, contract=contract, train=TrainConfig(), history=(),

@@ -7,7 +7,7 @@ import pytest
 
 from taxel.calibration.characterise import characterise
 from taxel.calibration.presses import script_of_marks
-from taxel.calibration.results import Characterisation, Taken
+from taxel.calibration.results import Characterisation, PressedRecording
 from taxel.signals import Mark, Samples
 from taxel.sim.teng.force_gauge import ForceGauge, GaugeConfig
 from taxel.sim.teng.hand import TengHandConfig
@@ -30,7 +30,9 @@ def put_under_gauge(hand: TengHandConfig, config: GaugeConfig) -> Gauged:
         parts.append(samples)
         marks += own
     samples = Samples.join(parts)
-    taken = Taken(samples=samples, script=script_of_marks(marks, gauge.info), rate_hz=hand.rate_hz)
+    taken = PressedRecording(
+        samples=samples, script=script_of_marks(marks, gauge.info), rate_hz=hand.rate_hz
+    )
     return Gauged(gauge, samples, marks, characterise([taken], gauge.info))
 
 

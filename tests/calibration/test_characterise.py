@@ -9,7 +9,7 @@ import pytest
 
 from taxel.calibration.characterise import characterise
 from taxel.calibration.presses import Script, script_of_marks
-from taxel.calibration.results import Taken
+from taxel.calibration.results import PressedRecording
 from taxel.errors import BadDataset
 from taxel.sim.teng import constants
 from taxel.sim.teng.electrics import full_voltage
@@ -130,7 +130,7 @@ def test_a_press_with_a_missing_value_is_left_out_and_counted(three_boards: Any)
     )  # fmt: skip
 
     found = characterise(
-        [Taken(samples=holed, script=script, rate_hz=250.0)], three_boards.gauge.info
+        [PressedRecording(samples=holed, script=script, rate_hz=250.0)], three_boards.gauge.info
     )
 
     assert [sensor.unusable for sensor in found.sensors] == [1] + [0] * 11
@@ -148,14 +148,21 @@ def test_a_converter_at_its_end_is_left_out_and_counted(gauged: Callable[..., An
 
 def test_no_presses_and_presses_of_one_force_are_refused(three_boards: Any) -> None:
     info = three_boards.gauge.info
-    nothing = Taken(samples=three_boards.samples, script=Script(presses=()), rate_hz=250.0)
+    nothing = PressedRecording(
+        samples=three_boards.samples, script=Script(presses=()), rate_hz=250.0
+    )
     with pytest.raises(BadDataset, match="presses of known force"):
         characterise([nothing], info)
     script = script_of_marks(three_boards.marks, info)
     alike = tuple(press for press in script.presses if 0.4 < press.force_n < 0.6)
     with pytest.raises(BadDataset, match="3 forces"):
         characterise(
-            [Taken(samples=three_boards.samples, script=Script(presses=alike), rate_hz=250.0)], info
+            [
+                PressedRecording(
+                    samples=three_boards.samples, script=Script(presses=alike), rate_hz=250.0
+                )
+            ],
+            info,
         )
 
 
@@ -163,6 +170,6 @@ def test_a_press_outside_the_recording_is_refused(three_boards: Any) -> None:
     script = script_of_marks(three_boards.marks, three_boards.gauge.info)
     with pytest.raises(BadDataset, match="inside the recording"):
         characterise(
-            [Taken(samples=three_boards.samples[:2000], script=script, rate_hz=250.0)],
+            [PressedRecording(samples=three_boards.samples[:2000], script=script, rate_hz=250.0)],
             three_boards.gauge.info,
         )

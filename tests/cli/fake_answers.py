@@ -16,7 +16,7 @@ FAKED = {
     "BackboneExtractor",
     "Station",
     "Bundle",
-    "Made",
+    "Provenance",
     "Manifest",
     "Correction",
     "StationPage",
@@ -26,7 +26,7 @@ FAKED = {
 CALLED = {"open_way", "show", "on_tick"}
 """Functions that a verb hands on to be called, and that use its options."""
 FAKED_VERB_PARTS = {
-    "taxel.cli.training.train.warning",
+    "taxel.cli.training.train_recipe.warning",
     "taxel.cli.training.train_monitor._check",
     "taxel.cli.recordings.view.show",
     "taxel.cli.recordings.label._print",

@@ -155,4 +155,4 @@ LINES: dict[str, tuple[str, ...]] = {
     "fleet": ("fleet mqtt://127.0.0.1", "fleet mqtt://127.0.0.1 --page"),
     "bench": ("bench teng", "bench teng --full", "bench faults", "bench --page p.md"),
 }
-"""Door → command lines, one a way of working."""
+"""Command → command lines, one a way of working."""

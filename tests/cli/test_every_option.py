@@ -1,6 +1,6 @@
 """No option is accepted and ignored: the contract of every verb, generated from its options.
 
-For each door (a verb, or a verb and its kind) stand some command lines below, one for each way
+For each command (a verb, or a verb and its kind) stand some command lines below, one for each way
 in which it works. To each, every option that it lacks is added. Then one of two things must be:
 
 - the verb does something else than without the option. What it does is everything it asks of the
@@ -25,7 +25,7 @@ import tyro
 from fake_world import observe
 from option_lines import LINES
 
-from taxel.cli.main import KINDS, VERBS, doors, load_verb
+from taxel.cli.main import KINDS, VERBS, commands, load_verb
 from taxel.cli.old_spellings import OLD, Old
 
 MOST_OPTIONS = 20
@@ -105,7 +105,7 @@ VALUES = {
 
 @dataclasses.dataclass(frozen=True)
 class Option:
-    """One option of a door."""
+    """One option of a command."""
 
     name: str
     """As it is typed, without dashes."""
@@ -113,13 +113,13 @@ class Option:
     """How it is given, another value than its default."""
 
 
-def options(kind: Any, door: str) -> Iterator[Option]:
+def options(kind: Any, command: str) -> Iterator[Option]:
     """Yield all options of a verb, those of its groups too; positional words are none."""
     hints = get_type_hints(kind, include_extras=True)
     for field in dataclasses.fields(kind):
         group = field.default_factory
         if dataclasses.is_dataclass(group):
-            yield from options(group, door)
+            yield from options(group, command)
             continue
         hint, marks = hints[field.name], getattr(hints[field.name], "__metadata__", ())
         if any("Positional" in repr(mark) or "positional" in repr(mark) for mark in marks):
@@ -131,12 +131,12 @@ def options(kind: Any, door: str) -> Iterator[Option]:
         elif field.default is False:
             yield Option(name, (f"--{name}",))
         else:
-            yield Option(name, (f"--{name}", *_value(name, hint, field.default, door)))
+            yield Option(name, (f"--{name}", *_value(name, hint, field.default, command)))
 
 
-def _value(name: str, hint: Any, default: Any, door: str) -> list[str]:
-    if name in VALUES or f"{door} {name}" in VALUES:
-        return VALUES.get(f"{door} {name}", VALUES.get(name, "")).split()
+def _value(name: str, hint: Any, default: Any, command: str) -> list[str]:
+    if name in VALUES or f"{command} {name}" in VALUES:
+        return VALUES.get(f"{command} {name}", VALUES.get(name, "")).split()
     choices = [word for part in (hint, *get_args(hint)) if get_origin(part) is Literal
                for word in get_args(part)]  # fmt: skip
     if choices:
@@ -182,18 +182,18 @@ def _sweep(before: set[Path]) -> None:
 
 
 def test_every_door_has_its_lines() -> None:
-    assert set(LINES) == set(doors())
+    assert set(LINES) == set(commands())
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("door", doors())
+@pytest.mark.parametrize("command", commands())
 def test_each_option_changes_what_is_done_or_is_refused(
-    door: str, world: pytest.MonkeyPatch
+    command: str, world: pytest.MonkeyPatch
 ) -> None:
     before = set(Path().rglob("*"))
     first: list[str] = []
-    lost, never = [], {option.name for option in options(load_verb(door), door)}
-    for line in LINES[door]:
+    lost, never = [], {option.name for option in options(load_verb(command), command)}
+    for line in LINES[command]:
         plain, refused = observe(line.split(), world)
         _sweep(before)
         assert not refused, f"{line}: {refused}"
@@ -203,7 +203,7 @@ def test_each_option_changes_what_is_done_or_is_refused(
         if plain != first:
             never -= {word.removeprefix("--") for word in line.split()}
         assert plain == again, f"{line} does not do the same twice"
-        for option in options(load_verb(door), door):
+        for option in options(load_verb(command), command):
             words = _with(line.split(), option)
             if words == line.split():
                 continue
@@ -220,9 +220,9 @@ def test_each_option_changes_what_is_done_or_is_refused(
     assert never == set(), "refused everywhere"
 
 
-@pytest.mark.parametrize("door", doors())
-def test_no_verb_has_more_options_than_a_reader_takes_in(door: str) -> None:
-    assert len(every_name(load_verb(door))) <= MOST_OPTIONS
+@pytest.mark.parametrize("command", commands())
+def test_no_verb_has_more_options_than_a_reader_takes_in(command: str) -> None:
+    assert len(every_name(load_verb(command))) <= MOST_OPTIONS
 
 
 def every_name(kind: Any) -> list[str]:
@@ -234,16 +234,16 @@ def every_name(kind: Any) -> list[str]:
     return names
 
 
-@pytest.mark.parametrize("door", doors())
+@pytest.mark.parametrize("command", commands())
 def test_no_help_speaks_of_another_verb(
-    door: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Neither `taxel VERB`, nor the name of a study, nor of a verb of two words."""
     monkeypatch.setenv("COLUMNS", "200")
     with pytest.raises(SystemExit):
-        tyro.cli(load_verb(door), prog=f"taxel {door}", args=["--help"])
+        tyro.cli(load_verb(command), prog=f"taxel {command}", args=["--help"])
     text = " ".join(re.sub("[│╭╮╰╯─]", " ", capsys.readouterr().out).split())
-    own = set(door.split())
+    own = set(command.split())
     others = {*KINDS["reproduce"], *(verb for verb in VERBS if "-" in verb)} - own
     named = set(re.findall(r"taxel ([a-z][a-z-]+)", text)) & set(VERBS) - own
     named |= {word for word in others if re.search(rf"(?<![\w-]){word}(?![\w-])", text)}
@@ -270,11 +270,12 @@ def test_a_new_spelling_is_one_that_exists() -> None:
             _, verb, *kind = command.split()
             assert verb in VERBS
             assert verb not in KINDS or kind[:1] == [] or kind[0] in KINDS[verb]
-        door = next(
-            (d for d in sorted(doors(), key=len, reverse=True) if f"taxel {d}" in old.new), old.verb
+        command = next(
+            (c for c in sorted(commands(), key=len, reverse=True) if f"taxel {c}" in old.new),
+            old.verb,
         )
-        if door in doors():
-            known = {f"--{name.replace('_', '-')}" for name in every_name(load_verb(door))}
+        if command in commands():
+            known = {f"--{name.replace('_', '-')}" for name in every_name(load_verb(command))}
             assert {w for w in words if w.startswith("--")} <= known | {"--target"}, old
 
 

@@ -11,7 +11,9 @@ import pytest
 
 from taxel.actions.interlock import Interlock, InterlockConfig
 from taxel.bundles.shipped import CUP_POUR, find_bundle, shipped_bundle
-from taxel.cli.live.station import _press, _print_summary, _still_to_arm
+from taxel.cli.live.station import _still_to_arm
+from taxel.cli.live.station_screen import press
+from taxel.cli.live.summaries import print_station_summary
 from taxel.cli.main import main
 from taxel.errors import BadBundle
 from taxel.live.station.wiring import StationConfig
@@ -92,14 +94,14 @@ def test_what_cannot_be_recorded_or_gripped_is_refused_before_anything_is_opened
 def test_the_key_d_disarms():
     pressed: list[str] = []
     station = SimpleNamespace(disarm=lambda: pressed.append("disarm"))
-    _press("d", station)  # type: ignore[arg-type]
+    press("d", station)  # type: ignore[arg-type]
     assert pressed == ["disarm"]
 
 
 @pytest.mark.parametrize(("key", "said"), [("s", "pour stopped"), ("x", "dropped")])
 def test_keys_say_what_the_person_did_and_what_came_of_it(key: str, said: str):
     heard: list[str] = []
-    _press(key, SimpleNamespace(react=heard.append))  # type: ignore[arg-type]
+    press(key, SimpleNamespace(react=heard.append))  # type: ignore[arg-type]
     assert heard == [said]
 
 
@@ -114,7 +116,7 @@ def test_the_summary_says_what_it_counts_and_calls_nothing_recorded_that_failed(
     capsys: pytest.CaptureFixture[str], error: str, line: str
 ):
     counts = {"produced": 7, "consumed": 5, "dropped": 2, "starts": 1}
-    _print_summary({
+    print_station_summary({
         "answers": [], "alarms": {"counts": {"raised": 0, "acknowledged": 0}}, "state": "NONE",
         "trials": [], "processes": {"monitor": counts}, "latency_ms": {},
         "recording": {"path": "a.mcap", "error": error, "ledger": {"scans": 9}},

@@ -46,7 +46,9 @@ def test_an_array_is_summed_up_and_no_further_recording_is_begun(
     """The signal comes with the first scans; what they held is still decided."""
     number = getattr(signal, name)
     before = signal.getsignal(number)
-    monkeypatch.setattr("taxel.cli.live.live._Aside.show", lambda *_: signal.raise_signal(number))
+    monkeypatch.setattr(
+        "taxel.cli.live.arrays._InputNotices.show", lambda *_: signal.raise_signal(number)
+    )
     bundle = touch_bundle(folder.parent / "b.taxel")
     main(["live", bundle, f"replay://{folder}?speed=max", "--json"])
 

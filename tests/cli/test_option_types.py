@@ -8,7 +8,7 @@ from typing import Literal
 
 import pytest
 
-from taxel.cli.main import doors, load_verb
+from taxel.cli.main import commands, load_verb
 from taxel.cli.parsing import BadOption, parse
 
 
@@ -34,14 +34,14 @@ class Valued:
     empty: str = ""
 
 
-@pytest.mark.parametrize("door", doors())
+@pytest.mark.parametrize("command", commands())
 def test_no_help_shows_none_as_something_to_type_or_as_a_default(
-    door: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nor an empty default: what happens without an option is said in words, or nothing does."""
     monkeypatch.setenv("COLUMNS", "200")
     with pytest.raises(SystemExit):
-        parse(load_verb(door), door, ["--help"])
+        parse(load_verb(command), command, ["--help"])
     text = " ".join(capsys.readouterr().out.replace("│", " ").split())
     for shown in ("None}", "default: None", "(default: )", "(default: '')"):
         assert shown not in text

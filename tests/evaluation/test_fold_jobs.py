@@ -11,7 +11,7 @@ import torch
 from taxel.errors import BadDataset
 from taxel.evaluation.checked import Checked, check_recipe
 from taxel.evaluation.fold_jobs import FoldJob, Source, fit_fold, open_source, travelling
-from taxel.evaluation.kept_folds import Keeping, content_digest
+from taxel.evaluation.kept_folds import FoldStore, content_digest
 from taxel.evaluation.table_split import OWN_SPLIT
 from taxel.jobs.local import LocalEngine
 from taxel.jobs.running import use_engine
@@ -83,14 +83,14 @@ def test_folds_side_by_side_are_equal_bit_for_bit_and_kept_as_they_come(
     lines: list[str] = []
     with use_engine(LocalEngine(2)):
         there = check_recipe(
-            sessions, RECIPE, folds=3, bars=("extra-trees",), keep=Keeping(tmp_path / "folds"),
+            sessions, RECIPE, folds=3, bars=("extra-trees",), keep=FoldStore(tmp_path / "folds"),
             on_step=lines.append,
         )  # fmt: skip
         assert same(here, there)
         assert len(list((tmp_path / "folds").iterdir())) == 6
         (tmp_path / "folds" / f"{RECIPE.model}-1.npz").unlink()
         again = check_recipe(
-            sessions, RECIPE, folds=3, bars=("extra-trees",), keep=Keeping(tmp_path / "folds")
+            sessions, RECIPE, folds=3, bars=("extra-trees",), keep=FoldStore(tmp_path / "folds")
         )
     assert same(here, again)
     assert again.kept == 5
@@ -113,7 +113,7 @@ def test_folds_kept_under_other_groups_are_fitted_anew(tmp_path: Path) -> None:
         (tmp_path / "table.csv").write_text("\n".join(lines) + "\n")
         import_table(tmp_path / "table.csv", tmp_path / name)
         found = check_recipe(
-            tmp_path / name, recipe, folds=3, bars=(), keep=Keeping(tmp_path / "folds")
+            tmp_path / name, recipe, folds=3, bars=(), keep=FoldStore(tmp_path / "folds")
         )
         used.append(found.kept)
 

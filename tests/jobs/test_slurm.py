@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from work_to_do import square
 
-from taxel.jobs.call import Call, Done
+from taxel.jobs.call import Call, JobResult
 from taxel.jobs.place import Place
 from taxel.jobs.slurm_engine import SlurmEngine
 
@@ -21,7 +21,7 @@ class Lost(Exception):
 class Job:
     """A job of the queue; one of "stuck" waits, and then cannot be read."""
 
-    def __init__(self, work: Callable[[Call], Done], call: Call) -> None:
+    def __init__(self, work: Callable[[Call], JobResult], call: Call) -> None:
         self.work, self.call = work, call
         self.over, self.cancelled = Event(), Event()
         if call.name != "stuck":
@@ -30,7 +30,7 @@ class Job:
     def done(self) -> bool:
         return self.over.is_set()
 
-    def result(self) -> Done:
+    def result(self) -> JobResult:
         if self.call.name == "stuck":
             raise ValueError("no such result")
         return self.work(self.call)
@@ -48,7 +48,7 @@ def queue(monkeypatch: pytest.MonkeyPatch) -> list[Job]:
 
         def update_parameters(self, **_: object) -> None: ...
 
-        def map_array(self, work: Callable[[Call], Done], calls: Sequence[Call]) -> list[Job]:
+        def map_array(self, work: Callable[[Call], JobResult], calls: Sequence[Call]) -> list[Job]:
             new = [Job(work, call) for call in calls]
             jobs.extend(new)
             return new

@@ -11,7 +11,7 @@ from make_dataset import make_dataset
 from taxel.errors import BadInput
 from taxel.evaluation.crossval import predictions_of, run_fold
 from taxel.evaluation.splits import by_group
-from taxel.training.environment import Made
+from taxel.training.environment import Provenance
 from taxel.training.fitting import Job
 from taxel.training.loop import TrainConfig
 from taxel.training.predictions import Predictions
@@ -34,7 +34,7 @@ def run() -> Run:
         data="data",
         predictions=predictions_of(dataset, split, results, "shape"),
         trivial={"majority": 0.4},
-        made=Made.now(["train", "data"]),
+        made=Provenance.now(["train", "data"]),
     )
 
 
@@ -75,7 +75,7 @@ def test_a_run_of_an_older_version_still_loads(run: Run, tmp_path: Path):
 
     assert back.predictions is None
     assert back.trivial == {}
-    assert back.made == Made()
+    assert back.made == Provenance()
 
 
 def test_a_run_that_was_only_evaluated_has_no_weights_to_load(run: Run, tmp_path: Path):
@@ -116,7 +116,7 @@ def test_a_group_that_trials_lack_is_named(run: Run):
 
 
 def test_a_command_line_is_kept_only_where_taxel_was_called():
-    assert Made.now(["report", "a b"]).command == "taxel report 'a b'"
+    assert Provenance.now(["report", "a b"]).command == "taxel report 'a b'"
     from taxel.training.environment import _command
 
     assert _command(["/usr/bin/pytest", "-q"]) == ""

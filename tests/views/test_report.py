@@ -17,7 +17,7 @@ from taxel.evaluation.cards.latency import NetworkLatency
 from taxel.evaluation.run_scores import judge, reliability, split_groups
 from taxel.labels.trials import Trial
 from taxel.training.curves import Epoch
-from taxel.training.environment import Made
+from taxel.training.environment import Provenance
 from taxel.training.loop import TrainConfig
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
@@ -120,7 +120,7 @@ def make_run(
             probabilities=probabilities,
         ),
         trivial={"majority": 0.34, "channel means": 0.6},
-        made=Made(command="taxel train 'my data' --output r", environment={"torch": "2"}),
+        made=Provenance(command="taxel train 'my data' --output r", environment={"torch": "2"}),
     )
 
 
@@ -172,7 +172,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> str:
         },
         sweeps={"s.json": read_sweep(SWEEP, "s.json")},
         tables={"t.json": transition_tables()},
-        made=Made(command="taxel report r"),
+        made=Provenance(command="taxel report r"),
     )
 
 

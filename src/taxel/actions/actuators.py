@@ -75,7 +75,7 @@ class FollowsGrasps(Protocol):
     """An actuator that does something of its own when a person says that a new grasp begins."""
 
     def new_grasp(self) -> None:
-        """Hear that another grasp begins; nothing is lowered by it."""
+        """Note that another grasp begins; no force is lowered by it."""
         ...
 
 
@@ -84,7 +84,7 @@ class TakesAnswers(Protocol):
     """An actuator that wants to know what is in the hand, such as another robot's program."""
 
     def recognised(self, answer: Mapping[str, Any]) -> None:
-        """Hear what a recogniser has just answered, fields as in `answer_output`."""
+        """Take in a recogniser's newest answer, with fields as in `answer_output`."""
         ...
 
 

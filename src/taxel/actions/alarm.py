@@ -164,7 +164,7 @@ class AlarmLatch:
             self._alarms[kind] = replace(alarm, on=False, gone_s=now)
 
     def new_grasp(self) -> None:
-        """Hear that another grasp begins: what alarms once this one was calm is its own alarm."""
+        """Note that another grasp begins: a condition that alarms again in it is a new alarm."""
         self._leaving = True
 
     def watch(self, decision: StabilityDecision, armed: bool, now_s: float) -> None:

@@ -38,7 +38,7 @@ CURRENTS = "currents"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CollectedGrasp:
-    """What became of a planned grasp."""
+    """The outcome of a planned grasp."""
 
     trial: PlannedTrial
     touched: tuple[int, ...]

@@ -83,7 +83,7 @@ class HandDriver:
         raise HandStopped(", ".join(causes) or status.fault or "the board does not arm")
 
     def tick(self, wanted: Closing | None) -> None:
-        """Hear the hand, let the interlock judge, and move the fingers if it lets them.
+        """Read the hand's state, let the interlock judge it, and move the fingers if allowed.
 
         Args:
             wanted: What the fingers are to do; None lets them rest.

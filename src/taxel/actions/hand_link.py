@@ -29,7 +29,10 @@ _NO_ANSWER = "the hand does not acknowledge the stop"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HandConfig:
-    """Where the hand is, and its times. Source: our choice, docs/decisions/0016."""
+    """Port and number of the hand's board, and times of its line.
+
+    Source: our choice, docs/decisions/0016.
+    """
 
     port: str
     """The serial port, best by its name under /dev/serial/by-id."""

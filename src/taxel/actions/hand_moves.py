@@ -18,7 +18,7 @@ _SETTLE_S = 0.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moved:
-    """What became of a movement."""
+    """The outcome of a movement."""
 
     ended: str
     """there: every finger is where it was sent or on something; time: it took too long;

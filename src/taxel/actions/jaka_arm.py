@@ -46,7 +46,7 @@ _STILL_MM = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JakaConfig:
-    """Where the arm is and what it may do."""
+    """Address of a JAKA arm's controller, its limits, and times of its line."""
 
     host: str
     """The controller's address."""

@@ -57,7 +57,7 @@ _FIRST_ANSWER_S = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PgeConfig:
-    """Where the gripper is and how patiently it is asked."""
+    """Port and id of the gripper, and times of its bus."""
 
     port: str
     """The serial port, best by its name under /dev/serial/by-id."""
@@ -96,7 +96,7 @@ class PgeConfig:
 
 
 class BusError(Exception):
-    """The bus or the gripper did not do what was asked; the text says what."""
+    """A request over the bus failed: no reply, a damaged one, or an exception reply."""
 
 
 class PgeGripper:

@@ -55,7 +55,7 @@ class RuleTable:
     rules: tuple[Rule, ...]
 
     def action(self, target: str, label: str, confidence: float | None) -> str:
-        """Return what is to be done; empty where no line is for it.
+        """Return the action for an answer; empty where no line of the table fits.
 
         Args:
             target: What was recognised, such as "material".

@@ -30,7 +30,7 @@ then larger than what was measured. Source: our choice."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchLevel:
-    """What a few touches say of each channel."""
+    """Each channel's level, measured by a few touches."""
 
     level: NDArray[np.float32]
     """Shape (channels,), in the channels' units; a silent channel keeps its old level."""

@@ -43,7 +43,7 @@ _tried: set[str] = set()
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A model, and what it is run on."""
+    """A model, and the inputs it is run on in the child process."""
 
     model: bytes
     """ONNX."""

@@ -53,7 +53,7 @@ class ZenohAddress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MqttAddress:
-    """A broker, and who speaks to it."""
+    """An MQTT broker's address, the station's name there, and its credentials."""
 
     station: str
     host: str

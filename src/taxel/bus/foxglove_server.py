@@ -225,7 +225,7 @@ class FoxgloveServer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoxgloveView:
-    """What is shown, and where."""
+    """The job of the process that serves a station to Foxglove."""
 
     place: Place
     view: ViewConfig

@@ -29,7 +29,7 @@ _ABOUT_S = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ZenohPublishing:
-    """What is published, and where."""
+    """The job of the process that publishes a station over Zenoh."""
 
     place: Place
     view: ViewConfig

@@ -36,7 +36,13 @@ from taxel.calibration.held_out import by_force, errors_of, held_out, pooled
 from taxel.calibration.press_table import PressTable
 from taxel.calibration.presses import Reference
 from taxel.calibration.responses import Measure, Responses, measure_responses
-from taxel.calibration.results import Array, Characterisation, Interval, SensorResult, Taken
+from taxel.calibration.results import (
+    Array,
+    Characterisation,
+    Interval,
+    PressedRecording,
+    SensorResult,
+)
 from taxel.errors import BadDataset
 from taxel.signals import SensorInfo, Validity
 
@@ -45,7 +51,7 @@ _GRID = 41
 
 
 def characterise(
-    taken: Sequence[Taken], sensor: SensorInfo, measure: Measure = "peak", seed: int = 0
+    taken: Sequence[PressedRecording], sensor: SensorInfo, measure: Measure = "peak", seed: int = 0
 ) -> Characterisation:
     """Return what presses of known force say about an array.
 
@@ -109,7 +115,7 @@ def _sensor(
     name: str,
     form: Form,
     own: PressTable,
-    taken: Taken,
+    taken: PressedRecording,
     measured: Responses,
     channel: int,
     rng: np.random.Generator,
@@ -202,9 +208,9 @@ def _at_one_force(sensors: Sequence[SensorResult], sensor: SensorInfo) -> Unifor
     return uniformity(f"{force_n:.2f} N", volts, none, sensor.channels, OUTLIER_SHARE)
 
 
-def _references(taken: Sequence[Taken], sensor: SensorInfo) -> tuple[Uniformity, ...]:
+def _references(taken: Sequence[PressedRecording], sensor: SensorInfo) -> tuple[Uniformity, ...]:
     """Return how alike the pins read known voltages, one result a voltage."""
-    every: dict[float, list[tuple[Taken, Reference]]] = {}
+    every: dict[float, list[tuple[PressedRecording, Reference]]] = {}
     for recording in taken:
         for reference in recording.script.references:
             every.setdefault(reference.volts, []).append((recording, reference))

@@ -57,7 +57,7 @@ class Reference:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Script:
-    """All that is known of what was done to the array, in the order of time."""
+    """The presses and reference voltages that were applied to an array, oldest first."""
 
     presses: tuple[Press, ...]
     references: tuple[Reference, ...] = ()

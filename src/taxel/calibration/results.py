@@ -24,8 +24,8 @@ Interval = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Taken:
-    """One recording and what was done to the array in it."""
+class PressedRecording:
+    """One calibration recording with the known forces that were applied in it."""
 
     samples: Samples
     script: Script

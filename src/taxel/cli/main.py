@@ -30,7 +30,7 @@ from taxel.cli.extras import missing_extra
 from taxel.cli.old_spellings import refuse_old
 from taxel.cli.options.rules import check_rules
 from taxel.cli.parsing import parse
-from taxel.cli.trial_doors import refuse_options_of_arrays, trial_door
+from taxel.cli.trial_verbs import refuse_options_of_arrays, verb_for_data
 from taxel.errors import BadInput, MissingExtra, TaxelError
 from taxel.plain_text import visible_line, without_controls
 
@@ -164,18 +164,18 @@ def kinds_usage(verb: str) -> str:
     return "\n".join([f"taxel {verb}: {VERBS[verb]}", "", usage, "", *lines])
 
 
-def doors() -> list[str]:
+def commands() -> list[str]:
     """Return all that can be run: each verb, or where a verb has kinds each "verb kind"."""
     return [
-        door
+        command
         for verb in VERBS
-        for door in [f"{verb} {kind}" for kind in KINDS.get(verb, ())] or [verb]
+        for command in [f"{verb} {kind}" for kind in KINDS.get(verb, ())] or [verb]
     ]
 
 
-def load_verb(door: str) -> type[Verb]:
+def load_verb(command: str) -> type[Verb]:
     """Return the dataclass of a verb, or of a "verb kind"; only its module is imported."""
-    verb, _, kind = door.partition(" ")
+    verb, _, kind = command.partition(" ")
     name = (kind or verb).replace("-", "_")
     section = next(heading for heading, verbs in SECTIONS.items() if verb in verbs)
     folder = "" if section in _AT_THE_ROOT else section
@@ -185,8 +185,8 @@ def load_verb(door: str) -> type[Verb]:
     return found
 
 
-def split_door(words: Sequence[str]) -> tuple[str, list[str]]:
-    """Return which door words name, and the words behind it.
+def split_command(words: Sequence[str]) -> tuple[str, list[str]]:
+    """Return which command the words name, as `commands` spells it, and the words behind it.
 
     Raises:
         BadInput: They name none.
@@ -197,7 +197,7 @@ def split_door(words: Sequence[str]) -> tuple[str, list[str]]:
         meant = f"perhaps {near[0]} was meant; " if near else ""
         raise BadInput("a verb of taxel", repr(verb), f"{meant}run: taxel --help")
     if verb not in KINDS:
-        return trial_door(verb, rest), rest
+        return verb_for_data(verb, rest), rest
     kind = rest[0] if rest else "nothing"
     if kind not in KINDS[verb]:
         raise BadInput(
@@ -222,9 +222,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     sys.excepthook = _crash
     try:
         refuse_old(words)
-        door, rest = split_door(words)
-        refuse_options_of_arrays(words[0], door, rest)
-        verb = parse(load_verb(door), door, rest)
+        command, rest = split_command(words)
+        refuse_options_of_arrays(words[0], command, rest)
+        verb = parse(load_verb(command), command, rest)
         check_rules(verb, rest)
         verb.run()
     except (MissingExtra, ModuleNotFoundError) as error:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taxel.cli.options.rules import typed_options
-from taxel.cli.trial_doors import takes_option, trial_door
+from taxel.cli.trial_verbs import takes_option, verb_for_data
 from taxel.errors import BadInput
 
 
@@ -118,7 +118,7 @@ def refuse_old(words: Sequence[str]) -> None:
             continue
         if not old.option and not Path(word).exists():
             raise _refusal(old, f"taxel {old.verb}")
-        if old.option in typed and takes_option(trial_door(verb, words[1:]), old.option):
+        if old.option in typed and takes_option(verb_for_data(verb, words[1:]), old.option):
             continue  # camera trials: the verb that takes them has the option
         if old.option in typed and re.fullmatch(old.value or ".*", _value(words, old.option)):
             raise _refusal(old, f"--{old.option}")

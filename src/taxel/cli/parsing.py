@@ -46,12 +46,12 @@ class BadOption(TaxelError, ValueError):
     """Words that a verb's options cannot be read from."""
 
 
-def parse(kind: type[V], door: str, words: Sequence[str]) -> V:
+def parse(kind: type[V], command: str, words: Sequence[str]) -> V:
     """Return a verb with its options; print its help and end where that is asked for.
 
     Args:
         kind: The verb's dataclass.
-        door: Verb, and kind where it has kinds, as they are typed.
+        command: Verb, and kind where it has kinds, as they are typed.
         words: What was typed behind them.
 
     Raises:
@@ -67,25 +67,25 @@ def parse(kind: type[V], door: str, words: Sequence[str]) -> V:
     said = TextIOWrapper(BytesIO(), encoding="utf-8", errors="backslashreplace")
     try:
         with redirect_stderr(said), plain_types():
-            return tyro.cli(kind, prog=f"taxel {door}", args=list(words))
+            return tyro.cli(kind, prog=f"taxel {command}", args=list(words))
     except SystemExit as ended:
         if not ended.code:
             raise
         said.seek(0)
-        raise BadOption(refusal(without_controls(said.read()), door)) from None
+        raise BadOption(refusal(without_controls(said.read()), command)) from None
 
 
-def refusal(box: str, door: str) -> str:
+def refusal(box: str, command: str) -> str:
     """Return what a box of tyro's says, as one line.
 
     Args:
         box: A title, and parts with rules between, in a frame where the terminal can draw it.
-        door: Verb, and kind where it has kinds.
+        command: Verb, and kind where it has kinds.
     """
     parts = _parts(box)
     first = next(iter(parts), [])
     if first and first[0].strip().startswith("Missing from"):
-        return f"needed {_missing(first)}; got none; run: taxel {door} --help."
+        return f"needed {_missing(first)}; got none; run: taxel {command} --help."
     upto = next((at for at, line in enumerate(first) if not line.strip()), len(first))
     said = visible_line(" ".join(" ".join(first[:upto]).split()).rstrip("."))
     meant = _MEANT.search("\n".join(line for part in parts for line in part))
@@ -95,9 +95,9 @@ def refusal(box: str, door: str) -> str:
             known = {name: text.replace("'", "") for name, text in found.groupdict().items()}
             return (
                 f"needed {needed.format(**known)}; got {known['got']}; {perhaps}"
-                f"run: taxel {door} --help."
+                f"run: taxel {command} --help."
             )
-    return f"needed words that this verb takes; got others: {said}; run: taxel {door} --help."
+    return f"needed words that this verb takes; got others: {said}; run: taxel {command} --help."
 
 
 def _parts(box: str) -> list[list[str]]:

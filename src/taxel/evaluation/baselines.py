@@ -114,7 +114,7 @@ def trivial_right(
 
 
 def below_majority(trivial: Mapping[str, float]) -> str | None:
-    """Return what must be said of baselines that a constant answer would beat; None without any.
+    """Return a warning on baselines that a constant answer would beat; None without any.
 
     Args:
         trivial: As `trivial_accuracies` gives them.

@@ -145,7 +145,7 @@ def _test_part(
 
 
 def _decisions(bundle: Bundle, windows: Windows, config: RecogniseConfig) -> list[Decision]:
-    """Return what the bundle says of each window, as live."""
+    """Return the bundle's decision on each window, as live."""
     found: list[Decision] = []
     for first in range(0, len(windows), _BATCH):
         part = windows[first : first + _BATCH]

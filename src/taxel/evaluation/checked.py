@@ -22,12 +22,12 @@ from taxel.evaluation.fold_jobs import (
     open_source,
     travelling,
 )
-from taxel.evaluation.kept_folds import NOTHING_KEPT, Keeping, KeptFolds, content_digest
+from taxel.evaluation.kept_folds import NOTHING_KEPT, FoldStore, KeptFolds, content_digest
 from taxel.evaluation.splits import Split, TrialFold
-from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere
+from taxel.evaluation.table_split import OWN_SPLIT, GivenSplit
 from taxel.jobs.running import as_done, shared_out
 from taxel.training.curves import Curve
-from taxel.training.environment import Made
+from taxel.training.environment import Provenance
 from taxel.training.predictions import Predictions
 from taxel.training.recipes import Recipe
 from taxel.training.run import Run, contract_of
@@ -40,7 +40,7 @@ BARS = ("minirocket", "extra-trees")
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """An accuracy with its company."""
+    """A cross-validation: the recipe's scores beside baselines on the same folds."""
 
     dataset: Dataset
     recipe: Recipe
@@ -50,7 +50,7 @@ class Checked:
     trivial: dict[str, float]
     """Trivial baseline → accuracy, 0…1."""
     predictions: Predictions
-    """What the recipe's own model said of each test window."""
+    """The recipe's own predictions for each test window."""
     curves: tuple[Curve, ...] = ()
     """How its network learned in each fold; none of a model without epochs."""
     kept: int = 0
@@ -65,8 +65,8 @@ def check_recipe(
     *,
     folds: int = 5,
     bars: tuple[str, ...] = BARS,
-    given: Elsewhere = OWN_SPLIT,
-    keep: Keeping = NOTHING_KEPT,
+    given: GivenSplit = OWN_SPLIT,
+    keep: FoldStore = NOTHING_KEPT,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Checked:
     """Cross-validate a recipe.
@@ -204,5 +204,5 @@ def run_of_check(data: Path, checked: Checked) -> Run:
         predictions=checked.predictions,
         trivial=checked.trivial,
         curves=checked.curves,
-        made=Made.now(),
+        made=Provenance.now(),
     )

@@ -17,7 +17,7 @@ from taxel.evaluation.part_scores import Parts, score_parts
 from taxel.evaluation.splits import Fold, Split, TrialFold
 from taxel.labels.trials import coarsest_group, lone_group
 from taxel.training.curves import Curve, Epoch, thinned
-from taxel.training.fitting import Fitted, Job, Lesson, fit_model
+from taxel.training.fitting import Fitted, Job, TrainingSet, fit_model
 from taxel.training.predictions import Predictions
 from taxel.windows.dataset import Dataset
 from taxel.windows.windower import Windows
@@ -79,7 +79,9 @@ def run_fold(
         train, _ = fold.windows(training)
         source = training
     fitted = fit_model(
-        replace(Lesson.of(source, job.target, train), classes=len(dataset.classes(job.target))),
+        replace(
+            TrainingSet.of(source, job.target, train), classes=len(dataset.classes(job.target))
+        ),
         job,
         steps=dataset.config.steps,
         validation=_watched(dataset, fold, y, test if watch else None),

@@ -40,8 +40,8 @@ from taxel.training.choose.preparations import (
     prepare,
     prepare_all,
 )
-from taxel.training.choose.search import Effort, Found, choose
-from taxel.training.environment import Made, code_digest, environment
+from taxel.training.choose.search import Effort, SearchResult, choose
+from taxel.training.environment import Provenance, code_digest, environment
 from taxel.training.loop import TrainConfig
 from taxel.training.run import Run, contract_of
 from taxel.training.unknown import check_enough, fit_unknown
@@ -62,7 +62,7 @@ docs/decisions/0039."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """What is to be predicted of which recordings, and how that is judged."""
+    """A training by search: the recordings, the label, and the split that judges it."""
 
     data: Path
     """A folder of recordings."""
@@ -183,7 +183,7 @@ def train_expert(
 
 
 def _table_notes(base: Base, folds: Split, split: OuterSplit) -> tuple[str, ...]:
-    """Return what must be said of a table of folds; nothing where there is none."""
+    """Return notes on a table of folds; empty without one."""
     if split.given.table is None:
         return ()
     return (*folds.notes, *objects_on_both(base.trials, base.y, folds))
@@ -210,7 +210,7 @@ def _held(base: Base, split: Split) -> Held:
 
 
 def _within(
-    found: Found,
+    found: SearchResult,
     fitted: Fitted,
     own: Sequence[int],
     nested: Nested | None,
@@ -232,7 +232,7 @@ def _within(
 
 
 def _over(measured: Measured, limits: Limits, members: int) -> tuple[str, ...]:
-    """Return what must be said of a bundle that is beyond its limits all the same."""
+    """Return warnings on a bundle that is over its limits of time or size."""
     over = []
     if measured.us > limits.most_us:
         over.append(
@@ -344,7 +344,7 @@ def _run_of(
         data=str(base.path),
         predictions=None if nested is None else nested.predictions,
         trivial={} if nested is None else nested.trivial,
-        made=Made.now(),
+        made=Provenance.now(),
     )
 
 

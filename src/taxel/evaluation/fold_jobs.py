@@ -16,7 +16,7 @@ from taxel.errors import BadDataset
 from taxel.evaluation.crossval import FoldPredictions, run_fold
 from taxel.evaluation.kept_folds import content_digest
 from taxel.evaluation.splits import Split, WindowFold
-from taxel.evaluation.table_split import Elsewhere, split_elsewhere
+from taxel.evaluation.table_split import GivenSplit, split_elsewhere
 from taxel.evaluation.usual_split import recipe_split
 from taxel.training.final import check_gate
 from taxel.training.fitting import Job, training_windows
@@ -32,7 +32,7 @@ class Source:
     """A folder of recordings."""
     recipe: Recipe
     folds: int
-    given: Elsewhere
+    given: GivenSplit
     """A split that came from elsewhere, in place of the recipe's own."""
 
 

@@ -44,8 +44,8 @@ def folds_folder(output: Path) -> Path:
 
 
 @dataclass(frozen=True, slots=True)
-class Keeping:
-    """Where the finished folds of a cross-validation are kept."""
+class FoldStore:
+    """Folders in which the finished folds of a cross-validation are kept."""
 
     folder: Path | None = None
     """None keeps none."""
@@ -56,7 +56,7 @@ class Keeping:
     """Whether what is there is removed first."""
 
 
-NOTHING_KEPT = Keeping()
+NOTHING_KEPT = FoldStore()
 
 
 class KeptFolds:

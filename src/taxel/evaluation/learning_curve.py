@@ -29,7 +29,7 @@ from taxel.windows.dataset import Dataset, load_dataset
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Amount:
-    """What so much data gives."""
+    """One point of a learning curve: the accuracy with so many training groups."""
 
     groups: int
     """Whole groups in each training part: the median over folds where they differ."""

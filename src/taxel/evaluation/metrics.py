@@ -1,4 +1,4 @@
-"""What is said of predictions: accuracy, loss, ROC-AUC, confusion, intervals by group.
+"""Scores of predictions: accuracy, loss, ROC-AUC, confusion, intervals by group.
 
 scikit-learn is imported where it is used: a worker that fits folds scores none and starts sooner
 without it. Knows nothing about models, splits or files.

@@ -32,7 +32,7 @@ from taxel.training.choose.inner_folds import what_is_held
 from taxel.training.choose.joining import join
 from taxel.training.choose.limits import USUAL_LIMITS, Fitted, Limits, fit_within
 from taxel.training.choose.preparations import Base, Prepared
-from taxel.training.choose.search import Effort, Found, choose
+from taxel.training.choose.search import Effort, SearchResult, choose
 from taxel.training.predictions import Predictions
 
 
@@ -66,7 +66,7 @@ class Nested:
 
     @property
     def warning(self) -> str | None:
-        """What must be said where the accuracy is not clear of trivial baselines."""
+        """A warning where the accuracy is not clearly above the trivial baselines; else None."""
         scores = self.scores
         interval = scores.intervals[scores.group]
         if scores.scores.accuracy == self.by_trial.accuracy == 1.0:  # resampled, it has no width
@@ -100,7 +100,7 @@ def check_choosing(
     effort: Effort,
     bars: Sequence[str] = (),
     limits: Limits = USUAL_LIMITS,
-    known: tuple[Found, Fitted] | None = None,
+    known: tuple[SearchResult, Fitted] | None = None,
 ) -> Nested:
     """Choose, train and test in each fold of a split.
 
@@ -204,7 +204,7 @@ def check_choice(
 
 
 def _test(base: Base, blend: nn.Module, choice: Choice, own: Prepared, test: list[int]) -> _Tested:
-    """Return what is said of a fold's test windows, of which a gate may leave none."""
+    """Return predictions for a fold's test windows, of which a gate may leave none."""
     index = np.flatnonzero(np.isin(own.trial, test) & own.scored)
     found = predict_blend(blend, own, index, len(base.dataset.classes(base.target)))
     return _Tested(own, index, found, join(choice.joining, own.trial[index], found))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
 from taxel.evaluation.splits import Fold, Split, TrialFold, check_classes, parse_split
-from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere, split_elsewhere
+from taxel.evaluation.table_split import OWN_SPLIT, GivenSplit, split_elsewhere
 from taxel.evaluation.usual_split import usual_split
 from taxel.training.choose.preparations import Base
 
@@ -23,11 +23,11 @@ FOLDS = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OuterSplit:
-    """What the outer folds are made by."""
+    """How the outer folds are made: a named split, one from elsewhere, or the usual one."""
 
     named: str | None = None
     """As `parse_split` takes it; unless given the other folder, or else the coarsest groups."""
-    given: Elsewhere = OWN_SPLIT
+    given: GivenSplit = OWN_SPLIT
     folds: int = FOLDS
     seed: int = 0
 

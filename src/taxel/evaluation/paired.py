@@ -43,7 +43,7 @@ class GroupPair:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paired:
-    """What can be said of two runs."""
+    """The comparison of two runs on the same test windows."""
 
     target: str
     split: str
@@ -176,7 +176,7 @@ def sign_flip(changed: NDArray[np.float64], seed: int = 0) -> float:
 
 
 def smallest_p(groups: int) -> float:
-    """Return the least that `sign_flip` can say of so many groups: nothing below 6 of them."""
+    """Return the smallest p that `sign_flip` can give for so many groups; 6 are needed for 0.05."""
     return min(1.0, 2.0 ** (1 - groups))
 
 

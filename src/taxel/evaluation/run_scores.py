@@ -69,7 +69,7 @@ class ReliabilityBin:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunScores:
-    """A run's test predictions, judged."""
+    """Scores of a run's test predictions."""
 
     scores: Scores
     group: str
@@ -89,7 +89,7 @@ class RunScores:
 
 
 def judge(predictions: Predictions) -> RunScores:
-    """Return all that can be said of a run's test predictions."""
+    """Return accuracy, intervals, reliability and group scores of a run's test predictions."""
     y, probabilities, correct = predictions.y, predictions.probabilities, predictions.correct
     main = coarsest_of(predictions)
     owner = predictions.group(main)
@@ -191,7 +191,7 @@ def baseline_warning(
     group: str,
     trivial: Mapping[str, float],
 ) -> str | None:
-    """Return what must be said where an accuracy does not stand clear of trivial baselines.
+    """Return a warning where an accuracy does not stand clear of trivial baselines.
 
     Args:
         name: Whose accuracy it is.
@@ -216,7 +216,7 @@ def unnamed_line(predictions: Predictions) -> str | None:
     """Return how many test windows live would answer UNKNOWN to; None below one in a hundred.
 
     Args:
-        predictions: What was said of each test window.
+        predictions: For each test window.
     """
     least = RecogniseConfig().least_confidence
     named = predictions.probabilities.max(axis=1) >= least
@@ -261,7 +261,7 @@ def blind_baselines(predictions: Predictions) -> tuple[str, ...]:
 
 
 def few_groups(group: str, groups: int) -> str | None:
-    """Return what must be said of an interval of so few groups that it promises too much."""
+    """Return a warning on an interval of so few groups that it promises too much."""
     if smallest_p(groups) < LEVEL:
         return None
     said = "no interval" if groups < 2 else "the interval is about their lowest and highest"
@@ -269,7 +269,7 @@ def few_groups(group: str, groups: int) -> str | None:
 
 
 def only_one(lone: str | None, group: str) -> str | None:
-    """Return what must be said of an interval within one session, or what else is tested once.
+    """Return a warning on an interval within one session, or what else is tested once.
 
     Args:
         lone: The group of which one value only was tested, if any.

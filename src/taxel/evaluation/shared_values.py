@@ -29,7 +29,7 @@ def can_be_held_out(values: Sequence[str], y: NDArray[np.intp]) -> bool:
 def on_both_sides(
     key: str, values: Sequence[str], y: NDArray[np.intp], folds: Sequence[TrialFold]
 ) -> str | None:
-    """Return what must be said where test trials share values of a group with training.
+    """Return a warning where test trials share values of a group with training.
 
     Args:
         key: The group.

@@ -32,10 +32,10 @@ _NO_WINDOW = "gave no window", "choose shorter windows, or other trials"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Elsewhere:
-    """Where a split is from, if it is none of taxel's own: a table, or another folder to test on.
+class GivenSplit:
+    """A split that the user gives: a table of folds, or another folder to test on.
 
-    At most one is given.
+    At most one of them; neither means one of taxel's own splits.
     """
 
     table: Path | None = None
@@ -47,12 +47,12 @@ class Elsewhere:
         return self.table is not None or self.test is not None
 
 
-OWN_SPLIT = Elsewhere()
+OWN_SPLIT = GivenSplit()
 """Nothing is given: one of taxel's own splits is taken."""
 
 
 def split_elsewhere(
-    path: Path, dataset: Dataset, target: str, given: Elsewhere
+    path: Path, dataset: Dataset, target: str, given: GivenSplit
 ) -> tuple[Dataset, Split]:
     """Return a data set under a split that came from elsewhere; the test folder's windows joined.
 
@@ -81,7 +81,7 @@ def split_elsewhere(
     return replace(dataset, notes=(*dataset.notes, *split.notes, *both)), split
 
 
-def training_part(path: Path, dataset: Dataset, target: str, given: Elsewhere) -> Dataset:
+def training_part(path: Path, dataset: Dataset, target: str, given: GivenSplit) -> Dataset:
     """Return what may be learned from for use.
 
     A table of folds with one training and one test part keeps its test part (and validation)

@@ -70,7 +70,7 @@ def usual_split(dataset: Dataset, target: str, folds: int, seed: int) -> Split:
 
 
 def _order(trials: Sequence[Trial], labels: Sequence[str]) -> list[str]:
-    """Return the groups that all trials have, in the order in which they are tried."""
+    """Return the groups that all trials have, in the order in which `usual_split` tries them."""
     key = coarsest_group(trials)
     finer = (name for name in ("session", "file", "recording", "trial") if name != key)
     first = ("object",) if key != "session" and _has_objects(trials, labels) else ()

@@ -44,7 +44,7 @@ class Rhythm:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Episode:
-    """A stretch of a recording, and which frames and scans each of its frames has."""
+    """A stretch of a recording as numbered frames, each with its images and scans."""
 
     path: Path
     name: str
@@ -70,7 +70,7 @@ class Episode:
 
     @property
     def scans_left_out(self) -> int:
-        """Scans of the episode that are in no window."""
+        """How many scans of the episode are in no frame's window."""
         first, stop = self.limits
         covered = np.zeros(stop - first, bool)
         for start in np.unique(self.first_scan) if self.rows else ():

@@ -1,7 +1,7 @@
 """An episode of a LeRobot data set as scans, images and marks.
 
-`Own` is an episode that taxel exported and comes back as it was; `Foreign` is anybody else's.
-Knows nothing about folders or files.
+`OwnEpisode` is an episode that taxel exported and comes back as it was; `ForeignEpisode` is anybody
+else's. Knows nothing about folders or files.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def state_key(info: Info) -> str | None:
     return next((key for key in (layout.TACTILE, layout.STATE) if key in info.features), None)
 
 
-class Own:
+class OwnEpisode:
     """An episode that taxel exported: everything comes back as it was."""
 
     def __init__(self, manifest: Manifest, row: Mapping[str, Any]) -> None:
@@ -94,7 +94,7 @@ class Own:
         )  # fmt: skip
 
 
-class Foreign:
+class ForeignEpisode:
     """An episode of somebody else's: its state and images at times of frame over rate."""
 
     def __init__(

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from taxel.errors import BadDataset, BadFile, BadRecording, BadSource
 from taxel.exchange import lerobot_layout as layout
-from taxel.exchange.lerobot_episode import Foreign, Info, Own, state_key
+from taxel.exchange.lerobot_episode import ForeignEpisode, Info, OwnEpisode, state_key
 from taxel.foreign.files import MIB, in_words, open_file
 from taxel.foreign.json_text import Fields, parse_json, read_json
 from taxel.recordings.manifest import from_record
@@ -222,10 +222,10 @@ def _write_episode(
     parts = batches.next(row["episode_index"], frames)
     if ours is not None:
         manifest = from_record(_texts(ours))
-        episode: Own | Foreign = Own(manifest, row)
+        episode: OwnEpisode | ForeignEpisode = OwnEpisode(manifest, row)
     else:
         first = next(parts)
-        episode = Foreign(info, row, tasks, first)
+        episode = ForeignEpisode(info, row, tasks, first)
         parts = _again(first, parts)
     recorder = Recorder(path, episode.manifest)
     try:

@@ -41,7 +41,7 @@ _EVERY = 4
 
 @dataclass(slots=True)
 class Written:
-    """What was written, for the one who asked."""
+    """Counts of what an export to LeRobot wrote, and of what it had to leave out."""
 
     episodes: int = 0
     frames: int = 0
@@ -142,7 +142,7 @@ class _Writer:
             )  # fmt: skip
 
     def add(self, episode: Episode) -> None:
-        """Write an episode's frames, and keep what is to be said of it."""
+        """Write an episode's frames to Parquet; keep its metadata and statistics for `finish`."""
         path = self._folder / layout.DATA_PATTERN.format(
             chunk_index=self._file // layout.CHUNK_FILES, file_index=self._file % layout.CHUNK_FILES
         )
@@ -179,7 +179,7 @@ class _Writer:
             self._data = None
 
     def finish(self, first: Path) -> None:
-        """Write all that is in meta/.
+        """Write the folder meta/: episodes, tasks, statistics and info.
 
         Raises:
             BadDataset: There was nothing to write.
@@ -275,7 +275,7 @@ class _Writer:
         tasks: Sequence[str],
         stats: dict[str, Stats],
     ) -> dict[str, Any]:
-        """Return what meta/episodes says of an episode."""
+        """Return an episode's row of meta/episodes."""
         manifest, own = episode.manifest, layout.OWN
         marks = [asdict(mark) for mark in episode.marks]
         row: dict[str, Any] = {

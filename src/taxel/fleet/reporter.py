@@ -38,7 +38,7 @@ _LOOK_S = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reporting:
-    """What is reported, and to whom."""
+    """The job of the process that reports a station to its fleet's broker."""
 
     place: Place
     view: ViewConfig

@@ -3,7 +3,8 @@
     taxel/fleet/1/STATION/report   retained; the newest report
     taxel/fleet/1/STATION/alive    retained; {"boot", "alive", "ended"}; its last will says false
 
-A report is read as a stranger wrote it: bounded, every field checked. Knows nothing about MQTT.
+A report that is received is not trusted: its size and every field are checked. Knows nothing
+about MQTT.
 
 Background of our choices: docs/decisions/0052.
 """
@@ -88,7 +89,7 @@ class Report:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
-    """Which station this is, and what runs there."""
+    """A station's name, which start of it this is, and its versions."""
 
     station: str
     boot: str
@@ -163,7 +164,7 @@ def read_report(content: bytes) -> Report:
 
 
 def alive_bytes(boot: str, *, alive: bool, ended: bool = False) -> bytes:
-    """Return what says that a station is there, or has gone.
+    """Return the message that says whether a station is there, as JSON.
 
     Args:
         boot: Which start of it.

@@ -54,7 +54,7 @@ def fleet_table(stations: Sequence[dict[str, Any]]) -> Table:
 
 
 def fleet_line(snapshot: dict[str, Any]) -> str:
-    """Return how many stations there are and how they do, in one line."""
+    """Return how many stations there are in each state of presence, in one line."""
     stations, broker = snapshot["stations"], snapshot["broker"]
     counts: dict[str, int] = {}
     for row in stations:
@@ -66,7 +66,7 @@ def fleet_line(snapshot: dict[str, Any]) -> str:
 
 
 def _left_out(snapshot: dict[str, Any]) -> str:
-    """Return what of the messages is not in the table; empty where all are."""
+    """Return a note on stations and messages that the table does not show; empty for none."""
     beyond, refused = snapshot.get("beyond", 0), snapshot.get("refused", 0)
     full = "; TABLE FULL: further stations are not shown" if beyond else ""
     return full + (f"; messages refused: {refused:,}" if refused else "")

@@ -53,7 +53,7 @@ _HEAD_BYTES = 65_536
 
 @dataclass(frozen=True, slots=True)
 class _Variable:
-    """One variable: where its bytes are, and what its head says."""
+    """Where one variable lies in the file: offset and size in bytes, packed by zlib or not."""
 
     place: int
     size: int
@@ -62,7 +62,7 @@ class _Variable:
 
 @dataclass(frozen=True, slots=True)
 class _Matrix:
-    """The head of a matrix, and what follows it."""
+    """A matrix's class, flags, shape and name, and the bytes of its values."""
 
     kind: int
     flags: int

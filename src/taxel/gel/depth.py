@@ -168,7 +168,7 @@ class DepthModel:
         return depth_from_gradients(*self.gradients(rgb, reference), mm_per_px)
 
     def check(self, presses: Sequence[Press]) -> FitCheck:
-        """Return how well the model does on presses; give it some that it was not fitted on."""
+        """Return the errors of slope and depth on ball presses; use presses left out of the fit."""
         truth, said, errors, depths = [], [], [], []
         for press in map(_at_working_size, presses):
             inside, (gx, gy) = press.inside(), press.gradient()

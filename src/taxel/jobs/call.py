@@ -1,4 +1,4 @@
-"""One job as it travels: a function of a module, its arguments, and what came of it.
+"""One job as it travels: a function of a module, its arguments, and its result.
 
 Arguments are paths and configurations, never arrays or open things: a job is small, and can be
 given to another worker when its own was killed. Knows nothing about engines.
@@ -41,8 +41,8 @@ class Call:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Done:
-    """What came of a job, and where it ran."""
+class JobResult:
+    """A finished job: its result or error, and where it ran."""
 
     result: Any
     error: BaseException | None
@@ -63,7 +63,7 @@ class Done:
         return self.result
 
 
-def perform(call: Call) -> Done:
+def perform(call: Call) -> JobResult:
     """Do a job in this process; what it raises comes back as a value."""
     started, error, result, trace = perf_counter(), None, None, ""
     token = _INSIDE.set(True)
@@ -74,7 +74,7 @@ def perform(call: Call) -> Done:
         error, trace = _portable(raised), "".join(traceback.format_exception(raised))
     finally:
         _INSIDE.reset(token)
-    return Done(
+    return JobResult(
         result=result,
         error=error,
         trace=trace,

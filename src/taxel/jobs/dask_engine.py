@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 
 from taxel.errors import MissingExtra
-from taxel.jobs.call import Call, Done, perform
+from taxel.jobs.call import Call, JobResult, perform
 
 
 class DaskEngine:
@@ -52,7 +52,7 @@ class DaskEngine:
         self.workers = workers if self._cluster is not None else len(known)
         self._executor = self._client.get_executor(pure=False)
 
-    def submit(self, calls: Sequence[Call]) -> list[Future[Done]]:
+    def submit(self, calls: Sequence[Call]) -> list[Future[JobResult]]:
         """Hand over jobs; return a future for each."""
         return [self._executor.submit(perform, call, key=None) for call in calls]
 

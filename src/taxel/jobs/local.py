@@ -24,7 +24,7 @@ from multiprocessing.connection import Connection
 from typing import NoReturn
 
 from taxel.errors import BadInput, WorkerLost
-from taxel.jobs.call import Call, Done, perform
+from taxel.jobs.call import Call, JobResult, perform
 from taxel.processes import end_with_parent
 
 ATTEMPTS = 4
@@ -54,7 +54,7 @@ class LocalEngine:
         self._lock = threading.Lock()
         self._closed = False
 
-    def submit(self, calls: Sequence[Call]) -> list[Future[Done]]:
+    def submit(self, calls: Sequence[Call]) -> list[Future[JobResult]]:
         """Hand over jobs; return a future for each."""
         return [self._threads.submit(self._perform, call) for call in calls]
 
@@ -70,7 +70,7 @@ class LocalEngine:
             worker.reap()
         self._threads.shutdown(wait=True)
 
-    def _perform(self, call: Call) -> Done:
+    def _perform(self, call: Call) -> JobResult:
         for attempt in range(1, ATTEMPTS + 1):
             worker = self._worker(call.name)
             try:
@@ -132,8 +132,8 @@ class _Worker:
             return f"was killed by {names.get(-code, f'signal {-code}')}"
         return f"ended with exit code {code}"
 
-    def perform(self, call: Call) -> Done:
-        """Return what came of a job.
+    def perform(self, call: Call) -> JobResult:
+        """Return a job's result.
 
         Raises:
             EOFError, OSError: The process ended.
@@ -142,7 +142,7 @@ class _Worker:
         self._pipe.send(call)
         answer = self._pipe.recv()
         self._busy = False
-        assert isinstance(answer, Done)
+        assert isinstance(answer, JobResult)
         return answer
 
     def end(self) -> None:
@@ -190,7 +190,7 @@ def _leave() -> NoReturn:
     os._exit(0)
 
 
-def _answer(pipe: Connection, done: Done) -> None:
+def _answer(pipe: Connection, done: JobResult) -> None:
     try:
         pipe.send(done)
     except OSError:

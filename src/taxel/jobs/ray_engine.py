@@ -18,7 +18,7 @@ from contextlib import redirect_stdout
 from typing import Any
 
 from taxel.errors import MissingExtra
-from taxel.jobs.call import Call, Done, perform
+from taxel.jobs.call import Call, JobResult, perform
 
 RETRIES = 3
 """Further workers that a job may be given. Source: Ray's default of `max_retries`."""
@@ -70,7 +70,7 @@ class RayEngine:
             max_retries=RETRIES, scheduling_strategy="SPREAD"
         )
 
-    def submit(self, calls: Sequence[Call]) -> list[Future[Done]]:
+    def submit(self, calls: Sequence[Call]) -> list[Future[JobResult]]:
         """Hand over jobs; return a future for each."""
         return [self._perform.remote(call).future() for call in calls]
 

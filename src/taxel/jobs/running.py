@@ -16,7 +16,7 @@ from contextvars import ContextVar
 from typing import Any, Protocol, TypeVar
 
 from taxel.errors import BadInput, TaxelError, WorkerLost
-from taxel.jobs.call import Call, Done, code_digest, inside_a_job, last_line, perform
+from taxel.jobs.call import Call, JobResult, code_digest, inside_a_job, last_line, perform
 from taxel.jobs.local import LocalEngine
 
 _Result = TypeVar("_Result")
@@ -38,7 +38,7 @@ class Engine(Protocol):
     lost: tuple[type[Exception], ...]
     """What a future raises where the engine gave a job up."""
 
-    def submit(self, calls: Sequence[Call]) -> list[Future[Done]]:
+    def submit(self, calls: Sequence[Call]) -> list[Future[JobResult]]:
         """Hand over jobs; return a future for each."""
         ...
 
@@ -136,14 +136,14 @@ def _as_done(engine: Engine, calls: Sequence[Call]) -> Iterator[tuple[int, Any]]
             future.cancel()
 
 
-def submit(work: Callable[..., Any], *args: Any, name: str) -> Future[Done]:
+def submit(work: Callable[..., Any], *args: Any, name: str) -> Future[JobResult]:
     """Hand one job to the engine in use; without any, or with one worker, it is done now and here.
 
     Who submits so looks after the futures itself, with `result_of`.
     """
     engine = _IN_USE.get()
     if engine is None or not shared_out():
-        done: Future[Done] = Future()
+        done: Future[JobResult] = Future()
         done.set_result(perform(Call(work=work, args=args, name=name)))
         return done
     code = code_digest() if engine.logs_each else ""
@@ -151,7 +151,7 @@ def submit(work: Callable[..., Any], *args: Any, name: str) -> Future[Done]:
     return future
 
 
-def result_of(name: str, future: Future[Done]) -> Any:
+def result_of(name: str, future: Future[JobResult]) -> Any:
     """Return what a job gave that `submit` handed over, or raise what it raised."""
     engine = _IN_USE.get()
     if engine is None:
@@ -168,8 +168,8 @@ def width() -> int:
     return engine.workers if engine is not None and shared_out() else 1
 
 
-def take(engine: Engine, name: str, future: Future[Done]) -> Done:
-    """Return what came of a job.
+def take(engine: Engine, name: str, future: Future[JobResult]) -> JobResult:
+    """Return a job's result.
 
     Raises:
         WorkerLost: The engine gave it up.
@@ -181,7 +181,7 @@ def take(engine: Engine, name: str, future: Future[Done]) -> Done:
         raise
     except engine.lost as error:
         raise WorkerLost(name, last_line(error), 0) from error
-    except Exception as error:  # what a job raises is in `Done`: here the worker itself failed
+    except Exception as error:  # what a job raises is in `JobResult`: here the worker itself failed
         raise BadInput(
             f"a worker that can begin {name}", last_line(error),
             "install the same taxel where the workers are",
@@ -216,6 +216,6 @@ def _name(work: Callable[..., Any], names: Sequence[str], number: int) -> str:
     return names[number] if names else f"{work.__name__.strip('_')} {number + 1}"
 
 
-def _log(name: str, done: Done) -> str:
+def _log(name: str, done: JobResult) -> str:
     again = f", attempt {done.attempt}" if done.attempt > 1 else ""
     return f"{name} on {done.host}, process {done.process}, {done.seconds:.1f} s{again}"

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from taxel.errors import BadInput, MissingExtra, WorkerLost
-from taxel.jobs.call import Call, Done, last_line, perform
+from taxel.jobs.call import Call, JobResult, last_line, perform
 from taxel.jobs.local import ATTEMPTS
 from taxel.jobs.place import Place
 
@@ -28,7 +28,7 @@ Source: our choice, docs/decisions/0050."""
 @dataclass(slots=True)
 class _Waiting:
     call: Call
-    future: Future[Done]
+    future: Future[JobResult]
     attempt: int = 1
     job: Any = None
 
@@ -79,7 +79,7 @@ class SlurmEngine:
         self._thread = threading.Thread(target=self._watch, name="taxel-slurm", daemon=True)
         self._thread.start()
 
-    def submit(self, calls: Sequence[Call]) -> list[Future[Done]]:
+    def submit(self, calls: Sequence[Call]) -> list[Future[JobResult]]:
         """Hand over jobs; return a future for each."""
         waiting = [_Waiting(call, Future()) for call in calls]
         with self._change:

@@ -44,7 +44,7 @@ def refuse_reserved(classes: Iterable[str], target: str) -> None:
 
 
 def figures_as_classes(labels: Sequence[str], target: str) -> str | None:
-    """Return what must be said where measured figures are told apart as classes, else nothing.
+    """Return a warning where measured figures are told apart as classes, else nothing.
 
     Args:
         labels: The label of each trial.

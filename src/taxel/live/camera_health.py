@@ -72,7 +72,7 @@ class CameraHealth:
         return ""
 
     def rest(self, until_s: float) -> None:
-        """Hear that no frame is due before a moment; it ends with each camera's next frame.
+        """Expect no frame before a moment; that ends with each camera's next frame.
 
         Args:
             until_s: On the clock of `Frame.arrival_s`, seconds.

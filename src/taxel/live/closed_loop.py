@@ -120,11 +120,12 @@ class PixelGrip:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GripCommand:
-    """A force, and when it is given."""
+    """A grip force that was commanded, and when."""
 
     time_s: float
     """Since the grasp, seconds."""
     force_n: float
+    """Grip force, newtons."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -112,7 +112,7 @@ class GraspMonitor:
         self._rest: NDArray[np.float32] | None = None
 
     def over(self, time_s: float, now_s: float | None = None) -> StabilityDecision:
-        """Hear that a grasp has ended; return NO_GRASP, or UNKNOWN where a camera is gone.
+        """End the grasp; return NO_GRASP, or UNKNOWN where a camera is gone.
 
         Frames that the source does not send between two grasps are not missed for as long as it
         said (`CameraInfo.pause_s`); a camera that streams on is watched as ever.
@@ -137,7 +137,7 @@ class GraspMonitor:
         self._monitor, self._over = before, True
 
     def end(self) -> None:
-        """Hear that the source has ended: no frame comes any more."""
+        """Note that the source has ended: no more frames come."""
         self._ended = True
 
     @property

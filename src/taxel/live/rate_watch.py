@@ -77,7 +77,7 @@ class RateWatch:
             self._rows, self._span_s = 0, 0.0
 
     def _weigh(self, rate_hz: float) -> None:
-        """Look at the rate of one span; the second that does not fit what was said is reported."""
+        """Judge the rate of one span; a change is reported when two spans in a row agree on it."""
         most = MOST_RATE_CHANGE if self._fits else _BACK
         fits = 1 / most <= rate_hz / self._rate_hz <= most
         self._doubts = 0 if fits == self._fits else self._doubts + 1

@@ -66,7 +66,7 @@ class Reactions:
             self._trial = replace(self._trial, acknowledged_s=now_s)
 
     def say(self, what: str, now_s: float) -> None:
-        """Hear what a person did, of which the first counts, or what came of it, the last.
+        """Log a person's reaction, of which the first counts, or the grasp's outcome, the last.
 
         Raises:
             ValueError: It is neither a reaction nor an outcome.

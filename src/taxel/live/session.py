@@ -154,7 +154,7 @@ class Tally:
         self.grasps_right += votes[-1] == truth
 
     def take_in(self, other: Tally) -> None:
-        """Add the answers on another recording, which is over."""
+        """Add the counts of another recording that has ended."""
         self.answers.update(other.answers)
         self.actions.update(other.actions)
         for name in ("windows", "filled", "marked", "right", "grasps", "grasps_right",

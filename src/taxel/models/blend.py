@@ -87,7 +87,7 @@ class ScaledNetwork(nn.Module):
 
 
 def thinned(values: Tensor, mask: Tensor, rows: int) -> tuple[Tensor, Tensor]:
-    """Return the mean of each so many rows, and where all of them are measured.
+    """Return means over blocks of `rows` rows, and which blocks have no padding.
 
     Args:
         values: Shape (n, steps, channels).

@@ -43,7 +43,7 @@ class WindowModel:
 
 
 def one_line(error: Exception) -> str:
-    """Return what a library says, on one line and not for long."""
+    """Return an error's message on one line, at most 300 characters."""
     return " ".join(str(error).split())[:300]
 
 

@@ -56,7 +56,7 @@ class TransitionModel:
 
     @property
     def summary(self) -> str:
-        """What it is, one line."""
+        """The backbone and the head, each in a few words."""
         return f"{find_backbone(self.backbone).summary}; {find_head(self.head).summary}"
 
     @property

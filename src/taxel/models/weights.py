@@ -211,7 +211,7 @@ def _side_px(about: About | None) -> int | None:
 
 
 def _look_into(path: Path) -> tuple[About | None, str]:
-    """Return what a .safetensors file says of itself, and its tensors' sum; nothing of others."""
+    """Return a .safetensors file's description and its tensors' sum; nothing of others."""
     if path.suffix != ".safetensors":
         return None, ""
     try:

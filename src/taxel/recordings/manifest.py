@@ -61,7 +61,7 @@ class Manifest:
 
     @property
     def tactile(self) -> tuple[CameraInfo, ...]:
-        """The cameras that feel; one that looks on is none of them."""
+        """The tactile cameras, without those that watch the scene."""
         return tuple(camera for camera in self.cameras if not camera.scene)
 
     @property

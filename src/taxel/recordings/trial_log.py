@@ -34,7 +34,7 @@ _MOST = 100_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GraspTrial:
-    """One grasp, with all that a person did about it."""
+    """A line of the log: one grasp, its alarm, the person's reaction and the outcome."""
 
     number: int
     """From 1 in a session."""

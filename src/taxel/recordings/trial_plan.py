@@ -30,7 +30,7 @@ _KINDS = ("label", "group")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannedTrial:
-    """One recording that is to be made."""
+    """One line of a plan of trials: a recording that is still to be made, or was."""
 
     number: int
     """From 1, in the plan's order."""
@@ -46,7 +46,7 @@ class PlannedTrial:
 
     @property
     def words(self) -> str:
-        """What it is, for a person."""
+        """The trial's groups and labels as text, such as "session 3, shape sphere"."""
         pairs = {**self.groups, **self.labels}
         return ", ".join(f"{k} {v}" for k, v in pairs.items() if k != "trial_number")
 

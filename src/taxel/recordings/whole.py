@@ -40,7 +40,7 @@ def check_place(path: Path) -> None:
 
 
 def _takes_files(folder: Path) -> bool:
-    """True where a file can be made in a folder: who may do all may still make none in /proc."""
+    """Return whether a file can be made in a folder; tried, since root's permissions mislead."""
     if not os.access(folder, os.W_OK | os.X_OK):
         return False
     try:

@@ -314,7 +314,7 @@ class Recorder:
             self._error = self._failed(error)
 
     def _clear_away(self) -> None:
-        """Remove the part, where there is one, and close it."""
+        """Remove the unfinished file NAME.mcap.part, if there is one, and close it."""
         remove_part(self._raw, self._path)
         self._close_file()
 

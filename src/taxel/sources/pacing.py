@@ -60,7 +60,7 @@ def read_speed(options: dict[str, str]) -> float:
 
 @dataclass(frozen=True, slots=True)
 class FrameStream:
-    """Frames of cameras, and when more of them can be had."""
+    """An iterator of camera frames, and whether its next frame is ready."""
 
     frames: Iterator[Frame]
     """Oldest first."""

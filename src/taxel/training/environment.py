@@ -24,8 +24,8 @@ _CPU_FILE = Path("/proc/cpuinfo")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Made:
-    """How and with what a result was made."""
+class Provenance:
+    """Command line, time and software versions by which a result was made."""
 
     command: str = ""
     """The command line; empty where no command was given, as from a script."""
@@ -35,13 +35,13 @@ class Made:
     """Name → version, processor, commit."""
 
     @staticmethod
-    def now(argv: Sequence[str] | None = None) -> Made:
+    def now(argv: Sequence[str] | None = None) -> Provenance:
         """Return how this process makes what it makes.
 
         Args:
             argv: The words after `taxel`; those of this process unless given.
         """
-        return Made(
+        return Provenance(
             command=_command(sys.argv if argv is None else ["taxel", *argv]),
             created=datetime.now(UTC).isoformat(timespec="seconds"),
             environment=environment(),

@@ -17,7 +17,7 @@ from taxel.errors import BadDataset
 from taxel.models.catalogue import find_network
 from taxel.training.curves import Epoch
 from taxel.training.exemplars import all_exemplars, thin_out
-from taxel.training.fitting import Job, Lesson, fit_model, training_windows
+from taxel.training.fitting import Job, TrainingSet, fit_model, training_windows
 from taxel.training.loop import Checkpoint
 from taxel.training.recipes import Recipe
 from taxel.training.run import Run, contract_of, save_run
@@ -63,7 +63,7 @@ def train_on_all(
     checkpoints.mkdir(parents=True, exist_ok=True)
     job = _job_text(recipe, dataset.digest, len(dataset.trials))
     fitted = fit_model(
-        replace(Lesson.of(source, recipe.target), classes=len(dataset.classes(recipe.target))),
+        replace(TrainingSet.of(source, recipe.target), classes=len(dataset.classes(recipe.target))),
         Job.of(recipe),
         steps=recipe.window.steps,
         checkpoint=lambda member: Checkpoint(checkpoints / f"member-{member}.safetensors", job),

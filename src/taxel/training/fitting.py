@@ -46,8 +46,8 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True)
-class Lesson:
-    """What is learned from."""
+class TrainingSet:
+    """Windows to learn from, with their classes."""
 
     windows: Windows
     """Unscaled, n of them."""
@@ -55,15 +55,15 @@ class Lesson:
     """Class numbers, shape (n,)."""
     classes: int
     full_scale: float | None
-    """The sensor's largest value, None where unknown."""
+    """The sensor's largest value, in its own unit; None where unknown."""
 
     @staticmethod
-    def of(dataset: Dataset, target: str, index: NDArray[np.intp] | None = None) -> Lesson:
+    def of(dataset: Dataset, target: str, index: NDArray[np.intp] | None = None) -> TrainingSet:
         """Return windows of a data set by their indices, shape (n,); all of them unless given."""
         windows, y = dataset.windows, dataset.class_numbers(target)
         if index is not None:
             windows, y = windows[index], y[index]
-        return Lesson(windows, y, len(dataset.classes(target)), dataset.sensor.full_scale)
+        return TrainingSet(windows, y, len(dataset.classes(target)), dataset.sensor.full_scale)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ class Fitted:
 
 
 def fit_model(
-    lesson: Lesson,
+    training: TrainingSet,
     job: Job,
     *,
     steps: int | None = None,
@@ -103,7 +103,7 @@ def fit_model(
     """Fit a model on training windows.
 
     Args:
-        lesson: Training windows only.
+        training: The training side only.
         job: What to fit.
         steps: Rows that the network takes, where the training windows are longer.
         validation: Windows to watch while training, and their class numbers.
@@ -113,12 +113,12 @@ def fit_model(
     Raises:
         BadInput: A checkpoint is damaged or of another configuration.
     """
-    model, windows = find_model(job.model), lesson.windows
+    model, windows = find_model(job.model), training.windows
     kind = job.scaling or model.scaling
-    if kind == "full-scale" and lesson.full_scale is None:
+    if kind == "full-scale" and training.full_scale is None:
         kind = "standard"
-    scaling = fit_scaling(kind, windows.values, windows.mask, lesson.full_scale)
-    data = Labelled(scaling.apply(windows.values, windows.mask), windows.mask, lesson.y)
+    scaling = fit_scaling(kind, windows.values, windows.mask, training.full_scale)
+    data = Labelled(scaling.apply(windows.values, windows.mask), windows.mask, training.y)
     if isinstance(model, Baseline):
         estimator = model.build(job.train.seed)
         estimator.fit(data.values, data.mask, data.y)
@@ -132,7 +132,7 @@ def fit_model(
     history: list[Epoch] = []
     for member in range(job.members):
         config = replace(job.train, seed=job.train.seed + member)
-        network = new_network(lambda: model.build(rows, channels, lesson.classes), config.seed)
+        network = new_network(lambda: model.build(rows, channels, training.classes), config.seed)
         history = fit(
             network,
             data,

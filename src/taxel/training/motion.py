@@ -75,5 +75,5 @@ def _shares(
 
 
 def _share(found: NDArray[np.intp], of: NDArray[np.intp] | np.intp) -> NDArray[np.float64]:
-    """Return a share with one more that has it and one more that has not: Laplace's rule."""
+    """Return the share `found` / `of` by Laplace's rule of succession, shape as `found`, 0…1."""
     return np.asarray((found + 1.0) / (of + 2.0))

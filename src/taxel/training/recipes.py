@@ -16,10 +16,10 @@ from taxel.windows.config import TENG_WINDOW, WindowConfig
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe:
-    """What to do with one kind of recording."""
+    """Window, model, label, split and training for one kind of sensor."""
 
     summary: str
-    """For what, one line."""
+    """What the recipe is for, in one line."""
     window: WindowConfig
     model: str
     target: str

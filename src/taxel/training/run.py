@@ -38,7 +38,7 @@ from taxel.models.blend import EXPERT, Blend
 from taxel.models.catalogue import count_parameters, find_network
 from taxel.training.checkpoints import load_weights, save_weights
 from taxel.training.curves import Curve, Epoch, curves_from_json, curves_to_json
-from taxel.training.environment import Made
+from taxel.training.environment import Provenance
 from taxel.training.exemplars import Exemplars, load_exemplars, save_exemplars
 from taxel.training.loop import TrainConfig
 from taxel.training.motion import measure_motion
@@ -65,12 +65,12 @@ class Run:
     data: str
     """The data set's path, as it was given."""
     predictions: Predictions | None = None
-    """What the cross-validation said of each test window; None where there was none."""
+    """The cross-validation's predictions for each test window; None without one."""
     trivial: Mapping[str, float] = field(default_factory=dict)
     """Trivial baseline → accuracy on the same folds, 0…1."""
     curves: tuple[Curve, ...] = ()
     """How each fold's network learned, its test windows held out; none of library models."""
-    made: Made = Made()  # noqa: RUF009  # frozen
+    made: Provenance = Provenance()  # noqa: RUF009  # frozen
     """With which command, versions and processor."""
     exemplars: Exemplars | None = None
     """A few grasps of each class and session, to rehearse by when it learns another."""
@@ -146,7 +146,7 @@ def save_at_level(folder: Path, run: Run, level: NDArray[np.float32]) -> None:
     old, exemplars = run.contract.reference.level, run.exemplars
     if exemplars is not None:
         exemplars = exemplars.at_level(old, level)
-    made = run.made if (level == old).all() else Made.now()
+    made = run.made if (level == old).all() else Provenance.now()
     contract = at_level(run.contract, level)
     save_run(folder, replace(run, contract=contract, exemplars=exemplars, made=made))
 
@@ -197,7 +197,7 @@ def load_run(folder: Path, *, weights: bool = True) -> Run:
         data = about.text("data")
         trivial = about.numbers("trivial") if "trivial" in about else {}
         curves = curves_from_json(about.any("curves")) if "curves" in about else ()
-        made = record_of(Made, about.any("made")) if "made" in about else Made()
+        made = record_of(Provenance, about.any("made")) if "made" in about else Provenance()
     except (OSError, ValueError) as error:  # BadBundle and BadFile are ValueErrors
         got = "none there"
         if (folder / "run.json").exists():

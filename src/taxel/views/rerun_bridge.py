@@ -32,7 +32,7 @@ _ROW_S = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RerunJob:
-    """What is streamed, and where to."""
+    """The job of the process that streams a station to Rerun."""
 
     place: Place
     view: ViewConfig

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 
 from taxel.evaluation.audit.audit import make_case
+from taxel.evaluation.audit.copy_findings import shared_copies
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.frame_words import as_frames
-from taxel.evaluation.audit.shared import shared_copies
 from taxel.evaluation.audit.touch_set import TouchSet
 
 

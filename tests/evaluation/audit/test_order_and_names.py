@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from taxel.evaluation.audit.audit import audit, make_case
+from taxel.evaluation.audit.copy_findings import shared_copies
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.names import near, near_names
 from taxel.evaluation.audit.nuisances import read_first, read_length, read_level
 from taxel.evaluation.audit.order import measure_order
-from taxel.evaluation.audit.shared import shared_copies
 from taxel.evaluation.audit.sides import named_sides, table_sides
 from taxel.evaluation.audit.touch_set import TouchSet, group_values
 

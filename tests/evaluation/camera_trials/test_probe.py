@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taxel.evaluation.camera_trials.probe import Labelled, Probed, less_than, pooled, probe
+from taxel.evaluation.camera_trials.probe import Labelled, ProbeResult, less_than, pooled, probe
 from taxel.evaluation.camera_trials.sides import TrialSplit, split_trials
 
 CROPS = 3
@@ -67,7 +67,7 @@ def test_the_better_probe_has_a_difference_above_zero_and_a_small_p() -> None:
     y, names, _ = trials()
     sure = np.eye(2)[y] * 0.9 + 0.05
     wrong = np.where((np.arange(len(y)) % 4 == 0)[:, None], sure[:, ::-1], sure)
-    good, bad = (Probed(name="x", probabilities=own, inner=()) for own in (sure, wrong))
+    good, bad = (ProbeResult(name="x", probabilities=own, inner=()) for own in (sure, wrong))
 
     found = less_than(good, bad, y, names)
 

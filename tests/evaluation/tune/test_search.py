@@ -13,8 +13,8 @@ pytest.importorskip("optuna", reason="optuna is not installed: pip install 'taxe
 from taxel.errors import BadInput, RecordingFailed
 from taxel.evaluation.tune import study as study_module
 from taxel.evaluation.tune.space import SETTINGS, Space
-from taxel.evaluation.tune.study import Found, Search, Store, open_store
-from taxel.jobs.call import Done
+from taxel.evaluation.tune.study import BestSettings, Search, Store, open_store
+from taxel.jobs.call import JobResult
 from taxel.training.recipes import find_recipe
 
 RECIPE = find_recipe("teng")
@@ -54,7 +54,7 @@ def search(work: Callable[[Any], float], trials: int = 7, folds: int = 2) -> Sea
     )  # fmt: skip
 
 
-def run(url: str, what: Search) -> Found:
+def run(url: str, what: Search) -> BestSettings:
     with open_store(url) as store:
         return store.search(what, lambda _: None)
 
@@ -94,7 +94,7 @@ def test_the_recipe_as_it_is_is_tried_again_where_a_kill_ended_it_alone(
 ) -> None:
     """Side by side, others may be finished before the first."""
 
-    def submit(work: Work, job: tuple[dict[str, Any], int], name: str) -> Future[Done]:
+    def submit(work: Work, job: tuple[dict[str, Any], int], name: str) -> Future[JobResult]:
         return Future() if not job[0] else here(work, job, name=name)
 
     here = study_module.submit

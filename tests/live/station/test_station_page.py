@@ -14,7 +14,7 @@ from station_rig import WAIT_S, Idle, until
 
 from taxel.calibration.characterise import characterise
 from taxel.calibration.presses import script_of_marks
-from taxel.calibration.results import Taken
+from taxel.calibration.results import PressedRecording
 from taxel.calibration.stored import document_of, write_calibration
 from taxel.errors import BadInput
 from taxel.frame_codec import encode_jpeg
@@ -68,7 +68,7 @@ def write_calibration_of_seed_4(path: Path) -> None:
         parts.append(samples)
         marks += own
     script = script_of_marks(marks, gauge.info)
-    taken = Taken(samples=Samples.join(parts), script=script, rate_hz=250.0)
+    taken = PressedRecording(samples=Samples.join(parts), script=script, rate_hz=250.0)
     write_calibration(path, document_of(characterise([taken], gauge.info), [], {}))
 
 

@@ -10,7 +10,7 @@ from taxel.errors import BadSplit
 from taxel.evaluation.expert import learned_windows
 from taxel.evaluation.outer_split import OuterSplit
 from taxel.evaluation.splits import TrialFold
-from taxel.evaluation.table_split import Elsewhere
+from taxel.evaluation.table_split import GivenSplit
 from taxel.recordings.imports.importing import ImportOptions, ImportRow, import_rows, import_table
 from taxel.training.choose.preparations import (
     Base,
@@ -56,7 +56,7 @@ def test_a_tables_validation_trials_are_learned_from_for_inner_folds_choose(tmp_
     lines = [f"{name},{side}" for name, side in zip(names, sides, strict=True)]
     table.write_text("\n".join(["group:trial,side", *lines]) + "\n")
 
-    (fold,) = OuterSplit(given=Elsewhere(table=table)).of(base).folds
+    (fold,) = OuterSplit(given=GivenSplit(table=table)).of(base).folds
 
     assert isinstance(fold, TrialFold)
     assert fold.test == {0}

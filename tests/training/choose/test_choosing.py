@@ -12,7 +12,7 @@ from taxel.errors import BadDataset, BadInput
 from taxel.evaluation import expert as expert_module
 from taxel.evaluation.expert import Task, measure, train_expert
 from taxel.evaluation.outer_split import OuterSplit
-from taxel.evaluation.table_split import Elsewhere
+from taxel.evaluation.table_split import GivenSplit
 from taxel.models.blend import Blend, read_plan
 from taxel.models.touchnet import TouchNet
 from taxel.training.choose.budget import TRYING, Budget
@@ -176,7 +176,7 @@ def test_one_training_part_is_chosen_for_once_and_its_own_choice_is_scored(
     said: list[str] = []
 
     found = train_expert(
-        Task(data=recordings, target="kind", split=OuterSplit(given=Elsewhere(table=table))),
+        Task(data=recordings, target="kind", split=OuterSplit(given=GivenSplit(table=table))),
         Limits(minutes=0.05), on_step=said.append,
     )  # fmt: skip
 

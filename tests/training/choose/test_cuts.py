@@ -16,7 +16,7 @@ from taxel.training.choose.cuts import best_cut
 from taxel.training.choose.inner_folds import Held
 from taxel.training.choose.part import Part, Tried
 from taxel.training.choose.preparations import Base, Prepared, load_base, prepare_all
-from taxel.training.choose.search import Effort, Found, choose, out_of_fold
+from taxel.training.choose.search import Effort, SearchResult, choose, out_of_fold
 
 RATE = 100.0
 PRESSES = 24
@@ -72,7 +72,7 @@ def test_a_gate_that_leaves_most_touches_undecided_is_not_chosen_for_being_right
     assert found.part.prepared.config.gate == 0.6
 
 
-def tree_loss(found: Found) -> float:
+def tree_loss(found: SearchResult) -> float:
     return next(tried.loss for _, _, tried in found.board if tried.candidate.family == "trees")
 
 
@@ -125,7 +125,7 @@ def slides(folder: Path, *, differ_in: str) -> Base:
     return load_base(folder / "recordings", "kind")
 
 
-def board_cuts(found: Found) -> list[str]:
+def board_cuts(found: SearchResult) -> list[str]:
     """Return the ways to cut on the leaderboard, each once."""
     return list(dict.fromkeys(cut for cut, _, _ in found.board))
 

@@ -20,10 +20,10 @@ from taxel.training.choose.choice import Choice, Member
 from taxel.training.choose.costs import ROUNDS, RUNS, Cost
 from taxel.training.choose.fitting import fit_head
 from taxel.training.choose.inner_folds import Held
-from taxel.training.choose.limits import Limits, _units, _Way, fit_within
+from taxel.training.choose.limits import Limits, _Saving, _units, fit_within
 from taxel.training.choose.pieces import Pieces, engine_us
 from taxel.training.choose.preparations import load_base, prepare_all
-from taxel.training.choose.search import Effort, Found, choose
+from taxel.training.choose.search import Effort, SearchResult, choose
 
 TRAIN = list(range(16))
 NETWORK = Member(candidate=Candidate("network", "touchnet", ""), blocks=(), weight=0.5,
@@ -35,7 +35,7 @@ SUM = Member(candidate=Candidate("linear", "logistic", "means", 1.0), blocks=("m
 
 
 @pytest.fixture(scope="module")
-def found(recordings: Path) -> Found:
+def found(recordings: Path) -> SearchResult:
     base = load_base(recordings, "kind")
     effort = Effort(budget=Budget(1e6))  # all candidates, however quick the machine
     return choose(base, prepare_all(base), TRAIN, Held("session"), effort)
@@ -70,7 +70,7 @@ def test_features_that_alone_take_too_long_are_not_tried(
     assert next(iter(few)) != "means"
 
 
-def test_features_of_small_windows_are_not_timed(found: Found):
+def test_features_of_small_windows_are_not_timed(found: SearchResult):
     def never(*_: object) -> list[float]:
         raise AssertionError
 
@@ -93,7 +93,7 @@ def sets_of(choice: Choice) -> set[tuple[str, ...]]:
     return {member.blocks for member in choice.members if member.blocks}
 
 
-def within(found: Found, us: Any, most_us: float) -> Any:
+def within(found: SearchResult, us: Any, most_us: float) -> Any:
     """Return what is left where a choice takes `us` microseconds, foretold; measured, the whole
     takes as many, and what is left is quick.
     """
@@ -105,7 +105,7 @@ def within(found: Found, us: Any, most_us: float) -> Any:
 
 
 @pytest.mark.slow
-def test_of_what_would_do_at_once_the_least_loss_goes(found: Found):
+def test_of_what_would_do_at_once_the_least_loss_goes(found: SearchResult):
     whole = found.choice()
 
     def us(choice: Choice) -> float:
@@ -124,7 +124,7 @@ def test_of_what_would_do_at_once_the_least_loss_goes(found: Found):
 
 
 @pytest.mark.slow
-def test_a_limit_that_costs_much_is_named(found: Found, monkeypatch: pytest.MonkeyPatch):
+def test_a_limit_that_costs_much_is_named(found: SearchResult, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("taxel.training.choose.limits.WORTH_SAYING", -1.0)
     whole = found.choice()
 
@@ -138,7 +138,7 @@ def test_of_what_is_not_enough_the_cheapest_for_its_time_goes_and_what_saves_not
 
     def rank(us: float, loss: float, gone: int = 1) -> tuple[int, float, str]:
         choice = cast(Choice, SimpleNamespace(loss=loss))
-        return _Way("it", choice, us, gone).rank(0.5, 2000.0, 1000.0)
+        return _Saving("it", choice, us, gone).rank(0.5, 2000.0, 1000.0)
 
     much, little, nothing = rank(1200.0, 0.505), rank(1900.0, 0.49), rank(2000.0, 0.4)
     assert rank(1000.0, 0.9) < much < little < nothing
@@ -147,7 +147,9 @@ def test_of_what_is_not_enough_the_cheapest_for_its_time_goes_and_what_saves_not
 
 
 @pytest.mark.slow
-def test_what_saves_nothing_is_kept_and_several_things_go_where_one_is_not_enough(found: Found):
+def test_what_saves_nothing_is_kept_and_several_things_go_where_one_is_not_enough(
+    found: SearchResult,
+):
     whole = found.choice()
     assert len(sets_of(whole)) > 1
 

@@ -40,7 +40,7 @@ LOG = "told.jsonl"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Collected:
-    """What became of a plan."""
+    """The outcome of a plan of grasps."""
 
     planned: int
     labelled: int

@@ -109,7 +109,7 @@ class VirtualHost:
         self.heard += [message for message in found if message is not None]
 
     def result(self, number: int) -> Result | None:
-        """Return what became of a command; None where it was not acknowledged."""
+        """Return the result of a command; None where it was not acknowledged."""
         answers = [m for m in self.heard if isinstance(m, Acknowledge) and m.command_seq == number]
         return Result(answers[0].result) if answers else None
 

@@ -52,7 +52,7 @@ _TURNS = (1, 0, 2, *(turn for far in range(3, 13) for turn in (far, 2 - far)))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainResult:
-    """What became of every scan between the converters and the file."""
+    """Counts of all scans between the converters and the file: recorded, lost and wrong."""
 
     boards: list[dict[str, Any]]
     """One ledger a board, as `serial://` says."""

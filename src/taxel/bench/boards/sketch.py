@@ -77,11 +77,11 @@ def on_chip(
         place: A folder that may be made.
     """
     from taxel.bundles.writer import write_bundle
-    from taxel.training.fitting import Job, Lesson, fit_model
+    from taxel.training.fitting import Job, TrainingSet, fit_model
     from taxel.training.run import contract_of
 
     y, windows = dataset.class_numbers("shape"), dataset.windows
-    fitted = fit_model(Lesson.of(dataset, "shape", train), Job(model="cnn2d", target="shape"))
+    fitted = fit_model(TrainingSet.of(dataset, "shape", train), Job(model="cnn2d", target="shape"))
     contract = contract_of(dataset, "shape", "cnn2d", fitted.networks, fitted.scaling, {})
     path = place / "shape.taxel"
     write_bundle(path, fitted.networks, contract, windows.values[:500], windows.mask[:500])
@@ -162,7 +162,7 @@ def build_sketch(network: Path, elf: Path, options: tuple[str, ...] = ()) -> Pat
 def _wanted(
     chip: OnChip, scans: NDArray[np.uint16], sensor: SensorInfo
 ) -> list[tuple[int, int | None, int, int]]:
-    """Return what Python says of the same scans, by its own windows."""
+    """Return Python's answers to the same scans, by its own windows."""
     n = len(scans)
     time_s = np.arange(n) / TICK_HZ
     volts = chip.converter.volts(scans)

@@ -58,7 +58,7 @@ def quick_steps() -> list[tuple[str, Measure]]:
     return [
         ("boards", board_rows),
         ("hostile files, images and labels", hostile_rows),
-        ("strangers on a wire and on the page's port", stream_rows),
+        ("unknown senders on a wire and on the page's port", stream_rows),
         ("cameras", camera_rows),
         ("the first minutes on simulated cups, briefly", lambda: first_minutes_rows(20.0)),
         ("a monitor that dies, stops, hangs or gives NaN", monitor_rows),

@@ -1,4 +1,4 @@
-"""What strangers on a wire or a port cost, measured: frames sent again, hellos, held connections.
+"""What unknown senders on a wire or a port cost: frames sent again, hellos, held connections.
 
 Boards are emulated on simulated time; the page is a real server on this machine. Knows nothing
 about cameras.

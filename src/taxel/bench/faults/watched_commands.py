@@ -98,7 +98,6 @@ class Resident:
     """
 
     def __init__(self, where: Path, deadline_s: float = DEADLINE_S, main: str = _MAIN) -> None:
-        self._deadline_s = deadline_s
         answers, write = os.pipe()
         program = f"{main}\nfrom taxel.bench.faults.watched_commands import serve\nserve(main)"
         self._process = subprocess.Popen(

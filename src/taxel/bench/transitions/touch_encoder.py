@@ -20,7 +20,7 @@ from taxel.bench.transitions.slip_trials import NAME as TRIALS
 
 if TYPE_CHECKING:
     from taxel.evaluation.camera_trials.encoder_study import ProbeSet
-    from taxel.evaluation.camera_trials.probe import Probed, Rows
+    from taxel.evaluation.camera_trials.probe import ProbeResult, Rows
     from taxel.training.frames.features import Extractor
 
 TOUCH, LITE0, RESNET = "touch", "efficientnet-lite0", "resnet50"
@@ -177,7 +177,7 @@ def _rows_of_others(folder: Path, probed: ProbeSet) -> dict[str, list[Rows]]:
     return {name: [own] * len(probed.split.folds) for name, own in rows.items()}
 
 
-def _table(probed: ProbeSet, found: Mapping[str, Probed]) -> list[Row]:
+def _table(probed: ProbeSet, found: Mapping[str, ProbeResult]) -> list[Row]:
     """Return a row a network, its interval over objects in the note."""
     from taxel.evaluation.camera_trials.crossval import score_trials
 
@@ -195,7 +195,7 @@ def _table(probed: ProbeSet, found: Mapping[str, Probed]) -> list[Row]:
     return rows
 
 
-def _less(probed: ProbeSet, found: Mapping[str, Probed], other: str, goal: str) -> Row:
+def _less(probed: ProbeSet, found: Mapping[str, ProbeResult], other: str, goal: str) -> Row:
     from taxel.evaluation.camera_trials.probe import less_than
 
     less = less_than(found[TOUCH], found[other], probed.y, probed.objects)

@@ -59,7 +59,7 @@ def c_strings(names: Sequence[str], what: str) -> str:
 
 
 def c_origin(digest: str, software: str) -> str:
-    """Return what a network was made from and with, for a comment.
+    """Return a C comment's text on the data and the software a network was trained with.
 
     Args:
         digest: SHA-256 of its data, hexadecimal.

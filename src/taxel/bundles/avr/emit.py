@@ -95,7 +95,7 @@ def board_window(contract: Contract, converter: Converter, full_scale: float | N
 
 
 def left_out(contract: Contract) -> str:
-    """Return what a bundle does and a board does not; empty where there is no such thing."""
+    """Return what the bundle does but the board's C leaves out; empty for nothing."""
     if contract.unknown is None:
         return ""
     return "the bundle's test for novel touch; on the board only a low confidence gives UNKNOWN"

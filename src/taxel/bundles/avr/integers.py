@@ -138,7 +138,7 @@ def quantise_counts(network: IntegerNetwork, counts: NDArray[np.uint16]) -> Ints
 
 
 def run_integers(network: IntegerNetwork, inputs: Ints) -> BoardAnswers:
-    """Return what the board says of windows.
+    """Return the board's answers to windows.
 
     Args:
         network: What to run.

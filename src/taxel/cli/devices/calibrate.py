@@ -25,7 +25,7 @@ from taxel.recordings.reader import read_recording
 from taxel.signals import Samples, SensorInfo
 
 if TYPE_CHECKING:
-    from taxel.calibration.results import Taken
+    from taxel.calibration.results import PressedRecording
 
 FORCES_N = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 """0.5 to 5 N as in the TENG thesis, section 3.4; the steps are our choice."""
@@ -171,7 +171,7 @@ class Calibrate:
             except ModuleNotFoundError as error:
                 raise MissingExtra("matplotlib", "train", "figures") from error
 
-    def _taken(self) -> tuple[list[Taken], SensorInfo, list[dict[str, Any]]]:
+    def _taken(self) -> tuple[list[PressedRecording], SensorInfo, list[dict[str, Any]]]:
         """Return what to calibrate from, the array, and where it comes from."""
         first = self.source[0]
         live = self._live()
@@ -189,10 +189,10 @@ class Calibrate:
 
     def _recorded(
         self, paths: tuple[Path, ...], tables: tuple[Path, ...]
-    ) -> tuple[list[Taken], SensorInfo, list[dict[str, Any]]]:
+    ) -> tuple[list[PressedRecording], SensorInfo, list[dict[str, Any]]]:
         from taxel.calibration.apply import rate_of
         from taxel.calibration.presses import script_of_marks, script_of_table
-        from taxel.calibration.results import Taken
+        from taxel.calibration.results import PressedRecording
 
         if tables and len(tables) != len(paths):
             raise BadInput(
@@ -200,7 +200,7 @@ class Calibrate:
                 f"{len(tables)} for {len(paths)}",
                 "name them in the recordings' order",
             )
-        taken: list[Taken] = []
+        taken: list[PressedRecording] = []
         made_from = []
         sensor: SensorInfo | None = None
         for number, path in enumerate(paths):
@@ -219,7 +219,7 @@ class Calibrate:
                 else script_of_marks(recording.marks, info)
             )
             rate_hz = rate_of(samples, info.rate_hz)
-            taken.append(Taken(samples=samples, script=script, rate_hz=rate_hz))
+            taken.append(PressedRecording(samples=samples, script=script, rate_hz=rate_hz))
             made_from.append(
                 {
                     "source": path.name,
@@ -231,10 +231,12 @@ class Calibrate:
         assert sensor is not None, "at least one recording was named"
         return taken, sensor, made_from
 
-    def _simulated(self, address: str) -> tuple[list[Taken], SensorInfo, list[dict[str, Any]]]:
+    def _simulated(
+        self, address: str
+    ) -> tuple[list[PressedRecording], SensorInfo, list[dict[str, Any]]]:
         """Press each sensor of the simulated hand with the simulated gauge."""
         from taxel.calibration.presses import script_of_marks
-        from taxel.calibration.results import Taken
+        from taxel.calibration.results import PressedRecording
         from taxel.recordings.manifest import Manifest
         from taxel.recordings.writer import Recorder
         from taxel.sim.teng.force_gauge import ForceGauge, GaugeConfig
@@ -270,7 +272,7 @@ class Calibrate:
                 for mark in marks:
                     recorder.mark(mark)
         script = script_of_marks(marks, gauge.info)
-        taken = Taken(samples=Samples.join(parts), script=script, rate_hz=hand.rate_hz)
+        taken = PressedRecording(samples=Samples.join(parts), script=script, rate_hz=hand.rate_hz)
         return [taken], gauge.info, [{"source": address, "presses": len(script.presses)}]
 
     def _press_live(self, address: str) -> Path:

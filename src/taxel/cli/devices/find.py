@@ -111,7 +111,7 @@ def shared_size(cameras: Sequence[FoundCamera]) -> tuple[int, int] | None:
 
 
 def board_lines(boards: Sequence[Mapping[str, Any]], problems: Sequence[str]) -> list[str]:
-    """Return what is said about boards."""
+    """Return the lines to print about boards."""
     if problems:
         return [f"boards: not looked for: {problem}" for problem in problems]
     if not boards:
@@ -127,7 +127,7 @@ def board_lines(boards: Sequence[Mapping[str, Any]], problems: Sequence[str]) ->
 
 
 def camera_lines(cameras: Sequence[FoundCamera]) -> list[str]:
-    """Return what is said about cameras."""
+    """Return the lines to print about tactile cameras."""
     if not cameras:
         return ["cameras: none. Plug one in by USB; if it is still not listed, run: taxel doctor"]
     lines = ["cameras:"]
@@ -147,7 +147,7 @@ def camera_lines(cameras: Sequence[FoundCamera]) -> list[str]:
 
 
 def scene_lines(cameras: Sequence[FoundRealSense], problems: Sequence[str]) -> list[str]:
-    """Return what is said about cameras that look on: a line each, none where there are none."""
+    """Return a line to print for each camera that watches the scene."""
     lines = [f"scene cameras: not looked for: {problem}" for problem in problems]
     for camera in cameras:
         port = f", USB {camera.usb}" if camera.usb else ""

@@ -114,7 +114,7 @@ class Flash:
         return found
 
     def _check(self, hello: Hello, expected: tuple[int, int, int] | None, port: str) -> None:
-        """Refuse a board that says other things than what was written to it."""
+        """Raise BadSource where the board's hello differs from what was written to it."""
         said = [
             ("protocol", str(hello.protocol), str(PROTOCOL)),
             ("firmware", _dotted(hello.firmware), expected and _dotted(expected)),

@@ -50,7 +50,7 @@ BOARDS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sketch:
-    """What is to be written to the board."""
+    """The sketch, or the built file, that is written to a board."""
 
     path: Path
     """A sketch's folder, or a built file (.hex, .elf)."""

@@ -48,8 +48,8 @@ class Compare:
     def _found(self) -> Paired:
         from taxel.cli.options.arrays import split_given
         from taxel.evaluation.fold_table import read_fold_table
-        from taxel.evaluation.fresh_test import only_tested, predictions_on
         from taxel.evaluation.paired import compare_predictions, compare_runs, predictions_of_both
+        from taxel.evaluation.unseen_recordings import only_tested, predictions_on
         from taxel.training.run import load_run
 
         split_given(None, self.folds, self.test)

@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar
 
 import tyro
 
+from taxel.cli.cross_validation import print_checked
 from taxel.cli.evaluation.html_pages import older_page, say_page
 from taxel.cli.options.arrays import (
     FOLD_COUNT,
@@ -111,7 +112,7 @@ class Evaluate:
 
     def _folder(self, path: Path) -> None:
         from taxel.evaluation.checked import BARS, check_recipe
-        from taxel.evaluation.kept_folds import Keeping, folds_folder, forget_folds
+        from taxel.evaluation.kept_folds import FoldStore, folds_folder, forget_folds
         from taxel.training.frames.features import default_cache
 
         given = split_given(self.split, self.folds, self.test)
@@ -132,7 +133,7 @@ class Evaluate:
                 folds=self.fold_count,
                 bars=BARS if self.comparators else (),
                 given=given,
-                keep=Keeping(
+                keep=FoldStore(
                     folder=None if self.output is None else folds_folder(self.output),
                     cache=default_cache(),
                     fresh=self.fresh,
@@ -165,8 +166,6 @@ class Evaluate:
             }
             print_json(result)
             return
-        from taxel.cli.training.train import print_checked
-
         print_checked(checked)
         if checked.cached:
             say(f"{checked.cached} folds of library models were kept; --fresh fits them")

@@ -108,7 +108,7 @@ class Report:
         from taxel.bundles.versions import read_history
         from taxel.evaluation.cards.latency import time_run
         from taxel.recordings.trial_log import read_trial_log
-        from taxel.training.environment import Made
+        from taxel.training.environment import Provenance
         from taxel.training.run import load_run
         from taxel.views.report import RunPage, write_run_report
         from taxel.views.report.audit_part import read_audit
@@ -152,7 +152,7 @@ class Report:
                     sweeps=sweeps,
                     reactions=reactions,
                     tables=tables,
-                    made=Made.now(),
+                    made=Provenance.now(),
                 ),
             )
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """What became of an adapted version."""
+    """The number of an adapted version, and whether it is new."""
 
     version: int
     """Its number."""
@@ -316,7 +316,7 @@ class Adapt:
         return self.output or new_path(self.trained)
 
     def _store(self, place: Path, change: Change) -> Stored:
-        """Let a finished version in; say what became of it."""
+        """Store a finished version beside the others, or at --output; return its number."""
         from taxel.bundles.versions import begin_history, digest_of, replace_with
 
         if self.output is not None:
@@ -393,6 +393,6 @@ def _load(path: Path) -> Run:
 
 
 def _made(run: Run) -> Run:
-    from taxel.training.environment import Made
+    from taxel.training.environment import Provenance
 
-    return replace(run, made=Made.now())
+    return replace(run, made=Provenance.now())

@@ -87,12 +87,12 @@ class Bundle:
         return self.new_key is None and not (self.trained is not None and self.trained.is_file())
 
     def _export(self, folder: Path, output: Path, signer: Signer | None) -> None:
+        """Write a run as a bundle, or with --board as C too; print what it is and costs."""
         from taxel.bundles.contract import following
         from taxel.bundles.recordings import load_at_level
         from taxel.bundles.signing import fingerprint
         from taxel.bundles.trials import IN_RUN
         from taxel.bundles.writer import write_bundle
-        from taxel.sim.teng.constants import SENSORS
         from taxel.training.run import load_run
 
         if self.board is None and (folder / IN_RUN).is_file():
@@ -134,18 +134,7 @@ class Bundle:
                 }
             )
             return
-        say(f"{output}{', replaced' if older else ''}: {output.stat().st_size:,} bytes; "
-            f"probabilities differ from PyTorch's by at most {contract.parity:.1e} over "
-            f"{len(windows)} windows")  # fmt: skip
-        if signer is not None:
-            say(_signed_by(signer))
-        hand = contract.channels == SENSORS
-        source = ("sim://teng", "--seconds", "20") if hand else ("replay://RECORDING",)
-        if contract.reference is not None:
-            adapt = command("taxel", "adapt", output, "--touches", "RECORDING")
-            say(f"in a new session first: {adapt} ({contract.reference.touches})")
-        live = command("taxel", "live", output, *source)
-        say(f"next: {live}")
+        _print_exported(output, contract, len(windows), older=older, signer=signer)
 
     def _copy_trials(self, bundle: Path, output: Path, signer: Signer | None) -> None:
         """Write the bundle of a run of camera trials; its parity is that of the training."""
@@ -220,6 +209,25 @@ class Bundle:
             return
         say(f"{path}: a private key; keep it secret: whoever has it can sign bundles in your name")
         say(f"{public}: its public key, for taxel live --trust; {fingerprint(key)}")
+
+
+def _print_exported(
+    output: Path, contract: Contract, windows: int, *, older: bool, signer: Signer | None
+) -> None:
+    """Print a bundle's size and parity, who signed it, and the commands that may follow."""
+    from taxel.sim.teng.constants import SENSORS
+
+    say(f"{output}{', replaced' if older else ''}: {output.stat().st_size:,} bytes; "
+        f"probabilities differ from PyTorch's by at most {contract.parity:.1e} over "
+        f"{windows} windows")  # fmt: skip
+    if signer is not None:
+        say(_signed_by(signer))
+    hand = contract.channels == SENSORS
+    source = ("sim://teng", "--seconds", "20") if hand else ("replay://RECORDING",)
+    if contract.reference is not None:
+        adapt = command("taxel", "adapt", output, "--touches", "RECORDING")
+        say(f"in a new session first: {adapt} ({contract.reference.touches})")
+    say(f"next: {command('taxel', 'live', output, *source)}")
 
 
 def _signer(path: Path) -> Signer:

@@ -63,7 +63,7 @@ def live_trials(
                 break
     assert total is not None
     result = total.summary()
-    result["warning"] = _seen(opened, source) if result["marked"] else None
+    result["warning"] = _trained_on_warning(opened, source) if result["marked"] else None
     if as_json:
         print_json(result)
         return
@@ -107,8 +107,8 @@ def _check_cameras(contract: TrialContract, source: str) -> None:
             )
 
 
-def _seen(bundle: TrialBundle, source: str) -> str | None:
-    """Return what must be said of verdicts on trials that the bundle was trained on."""
+def _trained_on_warning(bundle: TrialBundle, source: str) -> str | None:
+    """Return a warning where verdicts are on trials that the bundle was trained on."""
     from taxel.evaluation.camera_trials.learned_trials import trained_on
     from taxel.sources.opening import replayed_files
     from taxel.views.tables.trained_on import trained_on_line

@@ -14,7 +14,7 @@ from taxel.cli.options.rules import Only
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
-    from taxel.evaluation.table_split import Elsewhere
+    from taxel.evaluation.table_split import GivenSplit
     from taxel.training.recipes import Recipe
 
 _LARGEST_SEED = 1_000_000_000
@@ -184,7 +184,7 @@ FOLD_COUNT = Only(("fold-count",), "a split in folds (not order:, --folds or --t
 """A split by order has one test part, however many folds are asked for; a table its own folds."""
 
 
-def split_given(split: str | None, folds: Path | None, test: Path | None) -> Elsewhere:
+def split_given(split: str | None, folds: Path | None, test: Path | None) -> GivenSplit:
     """Return a split that came from elsewhere, if there is one.
 
     Args:
@@ -195,13 +195,13 @@ def split_given(split: str | None, folds: Path | None, test: Path | None) -> Els
     Raises:
         BadInput: More than one is given.
     """
-    from taxel.evaluation.table_split import Elsewhere
+    from taxel.evaluation.table_split import GivenSplit
 
     named = {"--split": split, "--folds": folds, "--test": test}
     given = [name for name, value in named.items() if value is not None]
     if len(given) > 1:
         raise BadInput("one of --split, --folds and --test", " and ".join(given), "give one")
-    return Elsewhere(table=folds, test=test)
+    return GivenSplit(table=folds, test=test)
 
 
 def check_share(option: str, share: float) -> None:

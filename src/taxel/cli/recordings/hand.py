@@ -66,7 +66,7 @@ class Hand:
     )  # fmt: skip
 
     def run(self) -> None:
-        """Do it and say what became of it."""
+        """Move the fingers, then print their states and currents."""
         self._check()
         result = use_hand(
             self.action, self.hand, fingers=self.fingers, closed=self.closed,
@@ -182,7 +182,7 @@ def _summary(actuator: HandActuator, moved: Moved) -> dict[str, Any]:
 
 
 def _line(action: str, result: dict[str, Any]) -> str:
-    """Return what became of it, for a person."""
+    """Return the result as a line of text."""
     ended = {"there": "fingers rest", "time": "time is out", "stopped": "ended by a person"}
     largest = ", ".join(map(str, result["largest_ma"])) or "none"
     parts = [

@@ -17,8 +17,8 @@ KEY_OF_STEP = {"ready": "", "again": "r", "discard": "d"}
 
 
 @dataclass(frozen=True, slots=True)
-class Shower:
-    """Where a session shows what it does."""
+class PlanDisplay:
+    """Shows how a plan of trials goes on, in the terminal and on the page."""
 
     line: Callable[..., None]
     """Shows a line in the terminal."""
@@ -42,7 +42,7 @@ def open_shower(
     show_line: Callable[..., None],
     *,
     asks: bool,
-) -> Shower:
+) -> PlanDisplay:
     """Return where a session is shown; serve the page where that was asked for.
 
     Args:
@@ -64,4 +64,4 @@ def open_shower(
 
         server = stack.enter_context(PageServer(board, *parse_address(page)))
         show_line(f"the page: {server.url}")
-    return Shower(show_line, board)
+    return PlanDisplay(show_line, board)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taxel.cli.printing import console, print_json, say, say_aside
-from taxel.cli.recordings.plan_page import Shower, open_shower
+from taxel.cli.recordings.plan_page import PlanDisplay, open_shower
 from taxel.cli.recordings.recording import record_source
 from taxel.clock import SystemClock
 from taxel.errors import BadInput
@@ -37,7 +37,7 @@ _NO_LAST = f"there is no last trial to discard now; {_TWO_KEYS}"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanRecording:
-    """What was asked for, as the verb's options say it."""
+    """The options of `taxel record --plan`."""
 
     source: str
     plan: Path
@@ -52,7 +52,7 @@ class PlanRecording:
 
 
 def record_plan(options: PlanRecording, stopped: Callable[[], bool]) -> None:
-    """Record what is missing of a plan, then say how far it is."""
+    """Record the trials of a plan that are not done yet, then print how many are."""
     trials = read_plan(options.plan)
     done = done_of(trials, options.output)
     show_line = say_aside if options.json else say
@@ -108,7 +108,7 @@ class _Session:
         stack: ExitStack,
         keys: Keys | None,
         stopped: Callable[[], bool],
-        shower: Shower,
+        shower: PlanDisplay,
     ) -> None:
         self._options, self._stack, self._keys = options, stack, keys
         self._stopped, self._shower = stopped, shower

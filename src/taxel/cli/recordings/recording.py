@@ -121,7 +121,7 @@ class _Span:
 
     @property
     def done_s(self) -> float:
-        """How much of it has passed, seconds."""
+        """How much of the recording's time has passed, seconds."""
         return self._newest_s - self._start_s
 
     @property

@@ -17,9 +17,9 @@ from taxel.recordings.whole import check_place
 if TYPE_CHECKING:
     from taxel.models.students import Student
     from taxel.training.backbones.distilling import Agreement, DistilConfig
-    from taxel.training.backbones.fresh_lessons import FreshLessons
-    from taxel.training.backbones.lessons import Lessons
+    from taxel.training.backbones.fresh_transfer_set import FreshTransferSet
     from taxel.training.backbones.touch_images import ImageSource
+    from taxel.training.backbones.transfer_set import TransferSet
     from taxel.training.frames.extractors import BackboneExtractor
 
 _MOST_EPOCHS, _MOST_FRAMES, _MOST_COPIES, _MOST_BATCH = 1000, 1000, 100, 4096
@@ -90,14 +90,14 @@ class Distil:
             videos = [video for folder in self.data for video in find_videos(folder)]
             learn, kept = split_objects(videos)
             teacher = self._open_teacher()
-            lessons = self._gather_fresh(learn, teacher, bar) or self._gather(
+            examples = self._gather_fresh(learn, teacher, bar) or self._gather(
                 learn, teacher, bar, self.seed
             )
             unseen = self._gather(kept, teacher, bar, _TEST_SEED)
             student = begin_student(self.backbone, self.start, self.seed)
             task = bar.add_task("learning", total=None)
             epochs = distil(
-                student.module, lessons, self._config(student),
+                student.module, examples, self._config(student),
                 kept=KeptEpochs(checkpoint, self.resume),
                 on_step=lambda step, of, loss: bar.update(
                     task, description=f"learning, loss {loss:.3f}", completed=step, total=of
@@ -112,7 +112,7 @@ class Distil:
                 altered = agreement(student.module, unseen, plain=False, batch=self.batch)
             student.module.cpu()
         objects = len({video.object for video in learn})
-        seen = f"{len(lessons)} images of {objects} objects"
+        seen = f"{len(examples)} images of {objects} objects"
         start = student.start
         if any(epoch.norms_kept for epoch in epochs):
             start += ", norms kept, a tenth of the step size"
@@ -158,30 +158,30 @@ class Distil:
 
     def _gather(
         self, videos: list[ImageSource], teacher: BackboneExtractor, bar: Bar, seed: int
-    ) -> Lessons:
-        from taxel.training.backbones.lessons import LessonConfig, gather_lessons
+    ) -> TransferSet:
+        from taxel.training.backbones.transfer_set import TransferConfig, gather_transfer_set
         from taxel.training.frames.features import default_cache
 
-        config = LessonConfig(
+        config = TransferConfig(
             side_px=self.side_px, frames=self.frames, copies=self.copies, seed=seed
         )
         most = len(videos) * self.frames * self.copies
         task = bar.add_task(f"answers of {self.teacher}", total=most)
-        return gather_lessons(videos, teacher, config, self.cache or default_cache(),
+        return gather_transfer_set(videos, teacher, config, self.cache or default_cache(),
                               lambda done: bar.update(task, completed=done))  # fmt: skip
 
     def _gather_fresh(
         self, videos: list[ImageSource], teacher: BackboneExtractor, bar: Bar
-    ) -> FreshLessons | None:
-        """Return lessons on a graphics card; None where the teacher runs on a processor."""
+    ) -> FreshTransferSet | None:
+        """Return a transfer set on a graphics card; None where the teacher runs on a processor."""
         from taxel.models.torch_engine import TorchEngine
-        from taxel.training.backbones.fresh_lessons import gather_fresh
-        from taxel.training.backbones.lessons import LessonConfig
+        from taxel.training.backbones.fresh_transfer_set import gather_fresh
+        from taxel.training.backbones.transfer_set import TransferConfig
 
         engine = teacher.engine
         if not isinstance(engine, TorchEngine) or not engine.on_card:
             return None
-        config = LessonConfig(
+        config = TransferConfig(
             side_px=self.side_px, frames=self.frames, copies=self.copies, seed=self.seed
         )
         task = bar.add_task("images", total=len(videos) * self.frames * self.copies)
@@ -196,7 +196,7 @@ class Distil:
                             bf16=self.bf16, seed=self.seed)  # fmt: skip
 
     def _about(self, teacher: BackboneExtractor, start: str, seen: str, unseen: Agreement) -> Any:
-        """Return what the file of weights says of itself."""
+        """Return the description that the file of weights holds."""
         from taxel.models.backbones.catalogue import find_backbone
         from taxel.models.published.about import About
 

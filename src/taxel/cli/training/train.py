@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import tyro
 
 from taxel.cli.options.arrays import (
     FOLD_COUNT,
     RecipeOptions,
-    check_run_folder,
     check_share,
     split_given,
     usual_recipe,
 )
 from taxel.cli.options.rules import Only
-from taxel.cli.options.work import WorkOptions
-from taxel.cli.printing import command, console, print_json, progress, say, say_aside
-from taxel.errors import BadInput, RecordingFailed, TaxelError
 from taxel.held import only_writer
-from taxel.plain_text import visible_names
-
-if TYPE_CHECKING:
-    from taxel.decisions.unknown import Unknown
-    from taxel.evaluation.checked import Checked
-    from taxel.training.run import Run
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,14 +130,7 @@ class Train:
         )  # fmt: skip
 
     def _train(self, output: Path) -> None:
-        from taxel.cli.training.train_expert import CHOICE, replaced_note
-        from taxel.evaluation.checked import check_recipe
-        from taxel.evaluation.kept_folds import Keeping, folds_folder, forget_folds
-        from taxel.evaluation.table_split import training_part
-        from taxel.models.catalogue import find_network
-        from taxel.training.environment import Made
-        from taxel.training.final import train_on_all
-        from taxel.training.run import save_run
+        from taxel.cli.training.train_recipe import RecipeTraining, train_recipe
 
         if self.reject_novel is not None:
             check_share("--reject-novel", self.reject_novel)
@@ -155,148 +138,10 @@ class Train:
         recipe = self.recipe.resolve(
             default=usual_recipe(self.data), model=self.model, split=self.split, data=self.data
         )
-        find_network(recipe.model)
-        check_run_folder(output)
-        older = output.exists()
-        if (output / CHOICE).exists():
-            say_aside(replaced_note(output, "a run that a search chose"))
-        accuracy = {}
-        with WorkOptions().open(), progress() as bar:
-            task = bar.add_task("starting", total=None)
-
-            def on_step(line: str) -> None:
-                bar.update(task, description=line, advance=1)
-
-            if self.check:
-                checked = check_recipe(
-                    self.data,
-                    recipe,
-                    folds=self.fold_count,
-                    bars=(),
-                    given=given,
-                    keep=Keeping(folds_folder(output), fresh=self.fresh),
-                    on_step=on_step,
-                )
-                accuracy[checked.pooled.split] = checked.pooled.scores.accuracy
-            try:
-
-                def train_all(resume: bool) -> Run:
-                    return train_on_all(
-                        self.data,
-                        recipe,
-                        checkpoints=checkpoints,
-                        resume=resume,
-                        unknown=self.reject_novel,
-                        part=lambda all_: training_part(self.data, all_, recipe.target, given),
-                        on_epoch=lambda e: on_step(
-                            f"all data · epoch {e.number} · loss {e.loss:.4f}"
-                        ),
-                    )
-
-                checkpoints = output.with_name(output.name + ".checkpoints")
-                try:
-                    run = train_all(resume=not self.fresh and checkpoints.exists())
-                except BadInput:
-                    if not checkpoints.exists():
-                        raise
-                    run = train_all(resume=False)  # checkpoints of another recipe or other data
-                contract = replace(run.contract, accuracy=accuracy)
-                run = replace(run, contract=contract, made=Made.now())
-                if self.check:
-                    run = replace(
-                        run, predictions=checked.predictions, trivial=checked.trivial,
-                        curves=checked.curves,
-                    )  # fmt: skip
-                save_run(output, run)
-                forget_folds(output)
-            except TaxelError:
-                raise
-            except OSError as error:
-                raise RecordingFailed(
-                    f"needed to write {output}; got {error.strerror or error}; "
-                    "choose another place with --output."
-                ) from error
-        if self.json:
-            print_json(
-                {
-                    "run": str(output),
-                    "replaced": older,
-                    "target": recipe.target,
-                    "classes": run.contract.classes,
-                    "parameters": run.contract.parameters,
-                    "accuracy": accuracy,
-                    "loss": run.history[-1].loss,
-                    "result": asdict(checked.pooled) if self.check else None,
-                    "trivial": dict(run.trivial),
-                    "notes": checked.dataset.notes if self.check else None,
-                    "folds_kept": checked.kept if self.check else 0,
-                    "warning": warning(checked) if self.check else None,
-                }
+        train_recipe(
+            RecipeTraining(
+                data=self.data, output=output, recipe=recipe, given=given,
+                folds=self.fold_count if self.check else None,
+                reject_novel=self.reject_novel, fresh=self.fresh, json=self.json,
             )
-            return
-        if self.check:
-            print_checked(checked)
-        say(
-            f"{output}{', replaced' if older else ''}: {recipe.model}, "
-            f"{run.contract.parameters:,} parameters, predicts {recipe.target}: "
-            f"{visible_names(run.contract.classes)}"
-        )
-        if given.table is not None and self.check and len(checked.pooled.fold_accuracies) == 1:
-            say(f"trained on the training part of {self.folds} only: its test part stays unseen")
-        if run.contract.unknown is not None:
-            say(_rejects(run.contract.unknown))
-        bundle = command("taxel", "bundle", output, "--output", f"{output}.taxel")
-        say(f"next: {bundle}")
-        if self.check:
-            page = command("taxel", "report", output, "--output", "report.html")
-            say(f"or:   {page}")
-
-
-def print_checked(checked: Checked) -> None:
-    """Print a cross-validation: accuracies, warnings, confusions, each class and group."""
-    from taxel.evaluation.run_scores import unnamed_line
-    from taxel.views.tables.parts import parts_tables
-    from taxel.views.tables.results import checked_table, confusion_table
-
-    pooled = checked.pooled
-    console.print(checked_table(checked))
-    if checked.kept:
-        say(_kept_line(checked))
-    if said := warning(checked):
-        say(f"warning: {said}", style="yellow")
-    if said := unnamed_line(checked.predictions):
-        say(said, style="yellow" if said.startswith("warning") else "")
-    classes = checked.dataset.classes(checked.recipe.target)
-    console.print(confusion_table(classes, pooled.scores.confusion, console.width))
-    for table in parts_tables(pooled.parts) if pooled.parts is not None else ():
-        console.print(table)
-
-
-def _kept_line(checked: Checked) -> str:
-    """Return what must be said where folds were not fitted by this run."""
-    folds = f"{checked.kept} fold{'s' if checked.kept > 1 else ''}"
-    return f"{folds} kept from a run that was broken off; --fresh fits all of them again"
-
-
-def warning(checked: Checked) -> str | None:
-    """Return a warning where accuracy is no better than a trivial baseline; else nothing."""
-    from taxel.evaluation.run_scores import GroupInterval, baseline_warning
-
-    pooled = checked.pooled
-    return baseline_warning(
-        checked.recipe.model,
-        pooled.scores.accuracy,
-        GroupInterval(*pooled.interval, pooled.interval_groups),
-        pooled.interval_group,
-        checked.trivial,
-    )
-
-
-def _rejects(unknown: Unknown) -> str:
-    """Return what is rejected as novel, and how much known touch is rejected with it."""
-    windows = min(len(density.windows) for density in unknown.densities)
-    return (
-        f"rejects novel touch (UNKNOWN): expected false rejection rate {unknown.rejected:.3g} on "
-        f"known touch, from {windows:,} windows of held-out sessions; higher in sessions unlike "
-        "those"
-    )
+        )  # fmt: skip

@@ -165,7 +165,7 @@ class TrainBackbone:
                            f"name a file such as {self.backbone}.safetensors")  # fmt: skip
 
     def _about(self, recordings: int, start: Weights) -> About:
-        """Return what the file of weights says of itself."""
+        """Return the description that the file of weights holds."""
         from taxel.models.published.about import About
 
         return About(

@@ -112,7 +112,7 @@ class Tune:
 
 def _trained(data: Path, found: Tuned, output: Path, on_step: Callable[[str], None]) -> Run:
     """Train the settings that were found on all recordings."""
-    from taxel.training.environment import Made
+    from taxel.training.environment import Provenance
     from taxel.training.final import train_on_all
 
     outer = found.outer
@@ -122,7 +122,7 @@ def _trained(data: Path, found: Tuned, output: Path, on_step: Callable[[str], No
         data, found.recipe, checkpoints=checkpoints,
         on_epoch=lambda e: on_step(f"all data · epoch {e.number} · loss {e.loss:.4f}"),
     )  # fmt: skip
-    run = replace(run, made=Made.now(), contract=replace(run.contract, accuracy=accuracy))
+    run = replace(run, made=Provenance.now(), contract=replace(run.contract, accuracy=accuracy))
     if outer:
         run = replace(run, predictions=outer.predictions, trivial=outer.trivial)
     return run

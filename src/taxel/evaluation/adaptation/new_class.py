@@ -33,7 +33,7 @@ from taxel.training.adapt.last_layer import (
     with_last,
 )
 from taxel.training.exemplars import Exemplars, all_exemplars, thin_out
-from taxel.training.fitting import Fitted, Job, Lesson, fit_model
+from taxel.training.fitting import Fitted, Job, TrainingSet, fit_model
 from taxel.training.loop import Labelled, TrainConfig, fit, new_network
 from taxel.training.recipes import Recipe, find_recipe
 from taxel.training.run import Run, contract_of
@@ -218,8 +218,8 @@ def run_of(
         recipe: The model and its training.
     """
     own = _renumbered(train, dataset.classes(target), classes)
-    lesson = Lesson(windows_of(own), own.y, len(classes), dataset.sensor.full_scale)
-    fitted = fit_model(lesson, replace(Job.of(recipe), target=target))
+    training = TrainingSet(windows_of(own), own.y, len(classes), dataset.sensor.full_scale)
+    fitted = fit_model(training, replace(Job.of(recipe), target=target))
     contract = contract_of(dataset, target, recipe.model, fitted.networks, fitted.scaling, {})
     return Run(
         networks=fitted.networks,

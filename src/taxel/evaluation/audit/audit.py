@@ -10,6 +10,7 @@ from pathlib import Path
 
 from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.copies import near_copies, same_rows
+from taxel.evaluation.audit.copy_findings import COPIES_UNKNOWN, repeated, shared_copies
 from taxel.evaluation.audit.cut_windows import beside_windows, cut_windows
 from taxel.evaluation.audit.evidence import trial_folds
 from taxel.evaluation.audit.finding import Audit, Finding, holm, sort_findings
@@ -22,12 +23,9 @@ from taxel.evaluation.audit.order import measure_order
 from taxel.evaluation.audit.origins import read_origins
 from taxel.evaluation.audit.scaled import scaled_run, scaled_values
 from taxel.evaluation.audit.shared import (
-    COPIES_UNKNOWN,
     SESSIONS_UNKNOWN,
     future_labels,
     one_class_folds,
-    repeated,
-    shared_copies,
     shared_moments,
     shared_names,
 )
@@ -151,7 +149,7 @@ def _copies(case: Case) -> list[Finding]:
 
 
 def make_case(touch: TouchSet, split: tuple[Pieces, Sides] | None, steps: int, seed: int) -> Case:
-    """Return what every check is given."""
+    """Return the input of every check, with folds that suit the split."""
     key = honest_key(touch)
     pieces, sides = split if split is not None else (cut_pieces(touch, steps, steps), None)
     folds = trial_folds(touch.y, None if key is None else touch.group(key), seed)

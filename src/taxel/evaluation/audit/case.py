@@ -19,7 +19,7 @@ from taxel.evaluation.audit.touch_set import Pieces, TouchSet
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """What every check is given."""
+    """Input of every check: trials, split, folds and the evidence computed so far."""
 
     touch: TouchSet
     pieces: Pieces

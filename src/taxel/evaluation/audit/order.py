@@ -186,6 +186,6 @@ def _mixes(
 
 
 def _own(trials: NDArray[np.intp], kept: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return each of the trials once, of those that are in a cell that is halved."""
+    """Return the distinct trials, without those whose cell is not halved."""
     once = np.unique(trials)
     return once[kept[once]]

@@ -294,10 +294,21 @@ def _least_rows(reads: Sequence[_Read], kind: str) -> int:
 def _assemble(
     reads: Sequence[_Read], kind: str, target: str | None, views: tuple[str, ...]
 ) -> TouchSet:
-    trials: list[Trial] = []
-    rows, times, created, files = [], [], [], []
-    short: list[Trial] = []
+    """Return the labelled trials of all recordings, with notes on what was left out.
+
+    Args:
+        reads: The recordings.
+        kind: "array" or "camera".
+        target: The label to be predicted; the first one with two classes unless given.
+        views: For each column of the rows the camera that it belongs to; all alike for an array.
+
+    Raises:
+        BadDataset: Recordings are of different sensors, trials are too short, or labels are
+            missing.
+    """
     least = _least_rows(reads, kind)
+    cut: list[tuple[_Read, Trial, slice]] = []
+    short: list[Trial] = []
     for read in reads:
         if read.rows.shape[1] != len(views):
             raise BadDataset(f"{len(views)} channels in every recording",
@@ -307,59 +318,69 @@ def _assemble(
         for trial, inside in _spans(read):
             if inside.stop - inside.start < least:
                 short.append(trial)
-                continue
-            trials.append(trial)
-            rows.append(read.rows[inside])
-            times.append(read.time_s[inside])
-            created.append(read.manifest.created)
-            files.append(read.files)
-    what = "frames" if kind == "camera" else "rows"
-    if short and not trials:
-        raise BadDataset(
-            f"trials of at least {least} {what}, to look for copies, drift and leaks in",
-            f"{len(short)} trials, all shorter",
-            "judge single images under splits of their groups: "
-            "taxel evaluate-trials --split group:KEY" if kind == "camera" else
-            "mend the times of the trials",
-        )  # fmt: skip
-    if len(short) > len(trials):
-        raise BadDataset(
-            f"trials of at least {least} {what}, or single readings alone",
-            f"{len(short)} shorter ones beside {len(trials)}", "put them into different folders",
-        )  # fmt: skip
+            else:
+                cut.append((read, trial, inside))
+    _refuse_short(len(cut), len(short), least, kind)
+    trials = [trial for _, trial, _ in cut]
     target, notes = _target(trials, target)
-    if least < LEAST_ROWS:
-        notes += (f"all trials have fewer than {LEAST_ROWS} rows, so what needs a course in time is"
-                  " not checked: length, place, first row, level, windows, copies turned round",
-                  )  # fmt: skip
-    if short:
-        notes += (f"{len(short)} trials have fewer than {least} {what}: left out",)
-    every = {read.name: read.every for read in reads if read.every > 1}
-    if every:
-        rate = " or ".join(map(str, sorted(set(every.values()))))
-        notes += (f"more values than are held: one {what[:-1]} of {rate} is seen in {len(every)} "
-                  f"of {len(reads)} recordings; copies that begin between those cannot be found",
-                  )  # fmt: skip
     labelled = np.flatnonzero([target in trial.labels for trial in trials])
+    notes += _notes_on_lengths(reads, len(short), least, kind)
     if len(labelled) < len(trials):
         notes += (f"{len(trials) - len(labelled)} trials lack the label {target!r}: left out",)
     whole = TouchSet(
         kind="camera" if kind == "camera" else "array",
         target=target,
         trials=tuple(trials),
-        rows=tuple(rows),
-        time_s=tuple(times),
+        rows=tuple(read.rows[inside] for read, _, inside in cut),
+        time_s=tuple(read.time_s[inside] for read, _, inside in cut),
         views=views,
         channels=() if kind == "camera" else reads[0].manifest.sensor.channels,
         squares=SQUARES if kind == "camera" else None,
-        created=tuple(created),
-        files=tuple(files),
+        created=tuple(read.manifest.created for read, _, _ in cut),
+        files=tuple(read.files for read, _, _ in cut),
         notes=notes,
         left_out=(*short, *(trial for trial in trials if target not in trial.labels)),
-        every=every,
+        every={read.name: read.every for read in reads if read.every > 1},
         scans={read.name: read.scans for read in reads if read.scans is not None},
     )
     return whole.only(labelled)
+
+
+def _refuse_short(trials: int, short: int, least: int, kind: str) -> None:
+    """Raise BadDataset where all trials, or most of them, have fewer than `least` rows."""
+    what = "frames" if kind == "camera" else "rows"
+    if short and not trials:
+        raise BadDataset(
+            f"trials of at least {least} {what}, to look for copies, drift and leaks in",
+            f"{short} trials, all shorter",
+            "judge single images under splits of their groups: "
+            "taxel evaluate-trials --split group:KEY" if kind == "camera" else
+            "mend the times of the trials",
+        )  # fmt: skip
+    if short > trials:
+        raise BadDataset(
+            f"trials of at least {least} {what}, or single readings alone",
+            f"{short} shorter ones beside {trials}", "put them into different folders",
+        )  # fmt: skip
+
+
+def _notes_on_lengths(reads: Sequence[_Read], short: int, least: int, kind: str) -> tuple[str, ...]:
+    """Return notes on trials that are too short, and on recordings of which rows were left out."""
+    notes: tuple[str, ...] = ()
+    what = "frames" if kind == "camera" else "rows"
+    if least < LEAST_ROWS:
+        notes += (f"all trials have fewer than {LEAST_ROWS} rows, so what needs a course in time is"
+                  " not checked: length, place, first row, level, windows, copies turned round",
+                  )  # fmt: skip
+    if short:
+        notes += (f"{short} trials have fewer than {least} {what}: left out",)
+    every = {read.name: read.every for read in reads if read.every > 1}
+    if every:
+        rate = " or ".join(map(str, sorted(set(every.values()))))
+        notes += (f"more values than are held: one {what[:-1]} of {rate} is seen in {len(every)} "
+                  f"of {len(reads)} recordings; copies that begin between those cannot be found",
+                  )  # fmt: skip
+    return notes
 
 
 def _target(trials: list[Trial], wanted: str | None) -> tuple[str, tuple[str, ...]]:

@@ -1,9 +1,9 @@
-"""What stands on both sides of a split: moments, trials, sessions, objects, views, copies.
+"""What stands on both sides of a split: moments, trials, sessions, objects, views.
 
 Each is a fact, not a guess, so that one piece is enough for an alarm. The accuracy beside it is
 what looking up the label of the training part's own gives, and elsewhere the test parts' commonest
-class, so that it is never below the majority for want of a partner. Knows
-nothing about values.
+class, so that it is never below the majority for want of a partner. Knows nothing about values;
+copies are in `copy_findings`.
 """
 
 from __future__ import annotations
@@ -15,12 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.evaluation.audit.case import Case
-from taxel.evaluation.audit.copies import ENOUGH, Pairs
-from taxel.evaluation.audit.evidence import majority, trial_folds
+from taxel.evaluation.audit.evidence import majority
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.names import several
-from taxel.evaluation.audit.sides import Sides
-from taxel.evaluation.audit.touch_set import SESSIONS, TIMES, Pieces, TouchSet
+from taxel.evaluation.audit.touch_set import SESSIONS, TIMES
 from taxel.labels.trials import OBJECTS
 
 Partners = Sequence[NDArray[np.intp]]
@@ -29,12 +27,6 @@ SESSIONS_UNKNOWN = Finding(
     kind="same session", verdict="not checked",
     said="The recordings name no session (or day, operator, device).",
     mend="record it as a group; without it no session can be held out",
-)  # fmt: skip
-
-COPIES_UNKNOWN = Finding(
-    kind="duplicates", verdict="not checked",
-    said="Values change in so few steps that copies cannot be distinguished from chance.",
-    mend="record finer steps, longer trials or more channels",
 )  # fmt: skip
 
 
@@ -55,7 +47,7 @@ def shared_moments(case: Case) -> list[Finding]:
             found.append(near[differs == other_view])
         return found
 
-    overlap = _looked_up(case, [partners(*fold, False) for fold in case.sides.folds])
+    overlap = looked_up(case, [partners(*fold, False) for fold in case.sides.folds])
     findings = [
         _fact(
             "overlap", overlap, "windows of the test part share rows with training windows",
@@ -64,7 +56,7 @@ def shared_moments(case: Case) -> list[Finding]:
         )
     ]  # fmt: skip
     if len(set(view)) > 1:
-        views = _looked_up(case, [partners(*fold, True) for fold in case.sides.folds])
+        views = looked_up(case, [partners(*fold, True) for fold in case.sides.folds])
         findings.append(
             _fact(
                 "views", views,
@@ -124,155 +116,9 @@ def _known_only(finding: Finding, key: str) -> Finding:
 
 
 def _of(case: Case, key: str) -> NDArray[np.str_]:
-    return _values(case.touch, key)
-
-
-def _values(touch: TouchSet, key: str) -> NDArray[np.str_]:
-    values = touch.group(key)
+    values = case.touch.group(key)
     assert values is not None
     return values
-
-
-def shared_copies(
-    case: Case, kind: str, pairs: Pairs, what: str, unseen: str = "", *, streams: bool = False
-) -> Finding:
-    """Return the finding on copies: across sides, on one side only, or anywhere.
-
-    Across the sides they are a leak. On one side nothing of a test trial is known in training, so
-    that they are a note. Without a split they are a hazard where a group that the recordings name
-    keeps all copies together, and a leak where none does.
-
-    Args:
-        case: The audit.
-        kind: Its name.
-        pairs: Trials that are copies of each other.
-        what: What they are, such as "hold the same rows".
-        unseen: A sentence on what was not compared; empty where all was.
-        streams: They are windows of one stream that overlap, none of which is to be dropped.
-    """
-    touch = case.touch
-    names = _named(touch, pairs)
-    thinned = max(touch.every.values(), default=1)
-    if thinned > 1:
-        unseen = f"One row of {thinned} is seen where files are large. {unseen}".rstrip()
-    if not pairs and unseen:
-        return Finding(kind=kind, verdict="not checked",
-                       said=f"{unseen} Among those no two trials {what}.",
-                       mend="audit fewer trials at a time")  # fmt: skip
-    if not pairs:
-        return Finding(kind=kind, verdict="clear", said=f"No two trials {what}.")
-    partners: dict[int, set[int]] = {}
-    for a, b in pairs:
-        partners.setdefault(a, set()).add(b)
-        partners.setdefault(b, set()).add(a)
-    shown = _foremost(touch, pairs)
-    alike = "of the rows in common" if streams else "alike"
-    examples = tuple(f"{names[a]} and {names[b]} ({100 * pairs[a, b]:.1f} % {alike})"
-                     for a, b in shown)  # fmt: skip
-    y = touch.y
-    if odd := sum(bool(y[a] != y[b]) for a, b in pairs):
-        what += f" ({odd} of {len(pairs)} pairs with two different labels)"
-    share = f"{len(partners)} of {len(touch)} trials"
-    whole = case.sides is None
-    case, sides = (case, case.sides) if case.sides is not None else _by_trials(case)
-    own = case.pieces.trial
-    across: list[Partners] = []
-    crossing, twice = set[int](), set[int]()
-    for train, test in sides.folds:
-        tested = set(own[test].tolist())
-        of_trial = {t: train[np.isin(own[train], list(partners.get(t, ())))] for t in tested}
-        across.append([of_trial[t] for t in own[test].tolist()])
-        crossing |= {t for t, found in of_trial.items() if len(found)}
-        twice |= {t for t in tested if partners.get(t, set()) & tested}
-    key = joining_group(touch, pairs)
-    joins = "" if key is None else f"whole {several(key)}"
-    mend = "keep one of each, or give all copies of a trial to the side of their original"
-    if streams:
-        mend = f"hold out {joins}" if joins else (
-            "hold out whole streams: name what the trials were cut from as a group of the import "
-            "(such as group:stream)")  # fmt: skip
-    elif joins:
-        mend = f"keep one of each, or hold out {joins}, which keep them together"
-    if not whole and not crossing:
-        twice_said = f"{len(twice)} tested trials count more than once" if twice else (
-            "all of them in training")  # fmt: skip
-        return Finding(
-            kind=kind, verdict="note", examples=examples,
-            said=f"{len(pairs)} pairs of trials {what}, each on one side of the split: nothing of "
-                 f"a test trial is in its training part; {twice_said}.",
-            mend="say so" if streams or not twice else "keep one of each, or say so",
-        )  # fmt: skip
-    alone, usual, _, _ = _looked_up(case, across)
-    if whole:
-        side = "a split of trials puts them on both sides"
-        if joins:
-            side = f"a split that does not hold out {joins} puts them on both sides"
-        said = f"{len(pairs)} pairs of trials ({share}) {what}: {side}."
-    else:
-        total = len({t for _, test in sides.folds for t in own[test].tolist()})
-        said = f"{len(crossing)} of {total} tested trials have such a one in training: trials " \
-               f"{what}."  # fmt: skip
-    return Finding(kind=kind, verdict="hazard" if whole and joins else "leak", said=said, mend=mend,
-                   alone=alone, majority=usual, examples=examples)  # fmt: skip
-
-
-def joining_group(touch: TouchSet, pairs: Pairs) -> str | None:
-    """Return a group that can be held out whole and keeps all pairs together; None if none does.
-
-    One that says when or by whom comes first, then objects, then the others; of several the one
-    with most values, which is least likely to join them by chance. Each class has at least two
-    values of it.
-    """
-    y, classes = touch.y, range(len(touch.classes))
-    others = sorted({key for trial in touch.trials for key in trial.groups} - {"trial"})
-    for keys in (SESSIONS, OBJECTS, [k for k in others if k not in (*SESSIONS, *OBJECTS)]):
-        found: dict[str, int] = {}
-        for key in touch.keys(tuple(keys)):
-            own = _values(touch, key)
-            apart = all(len(set(own[y == c])) > 1 for c in classes)
-            if apart and all(own[a] == own[b] for a, b in pairs):
-                found[key] = len(set(own))
-        if found:
-            return max(found, key=found.__getitem__)
-    return None
-
-
-def _odd(touch: TouchSet, pairs: Pairs) -> list[tuple[int, int]]:
-    """Return pairs with two different labels, most alike first: one of the labels is wrong."""
-    odd = [pair for pair in pairs if touch.y[pair[0]] != touch.y[pair[1]]]
-    return sorted(odd, key=lambda pair: -pairs[pair])
-
-
-def _foremost(touch: TouchSet, pairs: Pairs) -> list[tuple[int, int]]:
-    """Return the pairs to name: all with two different labels, or else the most alike."""
-    odd = _odd(touch, pairs)
-    rest = sorted(pairs.keys() - set(odd), key=lambda pair: (-pairs[pair], pair))
-    return [*odd, *rest[: max(0, 3 - len(odd))]]
-
-
-def _named(touch: TouchSet, pairs: Pairs) -> list[str]:
-    """Return what trials are called, with the label of those that a pair labels otherwise."""
-    odd = {trial for pair in _odd(touch, pairs) for trial in pair}
-    return [
-        trial.groups["trial"] + (f" [{trial.labels[touch.target]}]" if number in odd else "")
-        for number, trial in enumerate(touch.trials)
-    ]
-
-
-def repeated(touch: TouchSet, pairs: Pairs) -> Finding:
-    """Return the finding on trials that are alike but for noise of their own."""
-    short = any(len(touch.rows[trial]) < ENOUGH for pair in pairs for trial in pair)
-    doubt = f" In trials of fewer than {ENOUGH} rows noise cannot be distinguished from touch, " \
-            "so this is not decided." if short else ""  # fmt: skip
-    names = _named(touch, pairs)
-    return Finding(
-        kind="near-duplicates", verdict="note",
-        said=f"{len(pairs)} pairs of trials are alike but for noise: a machine's repeats of one "
-             f"touch, or copies with noise added.{doubt}",
-        mend="if they are copies, keep one of each; if repeats, say so, and hold out whole objects",
-        examples=tuple(f"{names[a]} and {names[b]} ({100 * pairs[a, b]:.1f} % alike)"
-                       for a, b in _foremost(touch, pairs)),
-    )  # fmt: skip
 
 
 def one_class_folds(case: Case) -> Finding:
@@ -338,18 +184,6 @@ def future_labels(case: Case) -> Finding:
     )  # fmt: skip
 
 
-def _by_trials(case: Case) -> tuple[Case, Sides]:
-    n = len(case.touch)
-    whole = Pieces(
-        trial=np.arange(n), first=np.zeros(n, np.intp),
-        stop=np.array([len(rows) for rows in case.touch.rows], np.intp), view=np.full(n, ""),
-        label_s=np.full(n, np.nan),
-    )  # fmt: skip
-    sides = Sides(name="single trials", claimed=(),
-                  folds=tuple(trial_folds(case.touch.y, None, case.seed)))  # fmt: skip
-    return replace(case, pieces=whole, sides=sides), sides
-
-
 def _name(case: Case, kind: str, key: str, values: NDArray[np.str_], mend: str) -> Finding:
     assert case.sides is not None
     own = values[case.pieces.trial]
@@ -358,10 +192,10 @@ def _name(case: Case, kind: str, key: str, values: NDArray[np.str_], mend: str) 
         members = {name: train[own[train] == name] for name in set(own[test])}
         partners.append([members[name] for name in own[test]])
     what = f"pieces of the test part share their {key} with training"
-    return _fact(kind, _looked_up(case, partners), what, f"No {key} stands on both sides.", mend)
+    return _fact(kind, looked_up(case, partners), what, f"No {key} stands on both sides.", mend)
 
 
-def _looked_up(case: Case, partners: Sequence[Partners]) -> tuple[float, float, int, int]:
+def looked_up(case: Case, partners: Sequence[Partners]) -> tuple[float, float, int, int]:
     """Return accuracy, majority's accuracy, how many test pieces have partners, and how many."""
     assert case.sides is not None
     y = case.touch.y[case.pieces.trial]

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from taxel.evaluation.audit.affine import CLEAR, LEAST, scaled_over_channels, small_steps
 from taxel.evaluation.audit.case import Case
 from taxel.evaluation.audit.copies import Pairs, overlap
+from taxel.evaluation.audit.copy_findings import shared_copies
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.noise import MANY
-from taxel.evaluation.audit.shared import shared_copies
 from taxel.evaluation.audit.touch_set import LEAST_ROWS, TouchSet
 
 RARE = 0.1

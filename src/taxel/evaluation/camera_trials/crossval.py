@@ -52,7 +52,7 @@ class CameraTrialScores:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialResult:
-    """How one contender does on trials that it has not learned from."""
+    """One model's cross-validated scores on camera trials."""
 
     name: str
     leaks: str

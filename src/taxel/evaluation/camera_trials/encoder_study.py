@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 from torch import nn
 
 from taxel.errors import BadDataset
-from taxel.evaluation.camera_trials.probe import Labelled, Probed, Rows, pooled, probe, probe_once
+from taxel.evaluation.camera_trials.probe import (
+    Labelled,
+    ProbeResult,
+    Rows,
+    pooled,
+    probe,
+    probe_once,
+)
 from taxel.evaluation.camera_trials.probe_features import network_features
 from taxel.evaluation.camera_trials.sides import TrialSplit
 from taxel.training.camera_trials.learning import Learning
@@ -55,7 +62,7 @@ class ProbeSet:
 
 def probe_all(
     probed: ProbeSet, rows: Mapping[str, list[Rows]], on_step: Callable[[str], None]
-) -> dict[str, Probed]:
+) -> dict[str, ProbeResult]:
     """Return each network's probe.
 
     Args:

@@ -32,12 +32,12 @@ _CHECKED = 32
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Final:
-    """A bundle, and what is in it."""
+class FinalRecogniser:
+    """A recogniser of camera trials as a bundle, with the figures of its training."""
 
     bundle: bytes
     parity: float
-    """Largest difference further the bundle's numbers and the trained models'."""
+    """Largest difference between the bundle's probabilities and the trained models'."""
     members: Mapping[str, float]
     """Member → weight."""
     inner: Mapping[str, float]
@@ -53,7 +53,7 @@ def fit_final(
     seed: int,
     measured: Mapping[str, float],
     on_step: Callable[[str], None] = lambda line: None,
-) -> Final:
+) -> FinalRecogniser:
     """Fit the blend and write it as a bundle.
 
     Args:
@@ -102,12 +102,14 @@ def fit_final(
         contract, blend_to_onnx(blend, own.shape[1]), own[at], both.astype(np.float32)
     )
     weights = {m.name: float(w) for m, w in zip(blend.members, blend.weights, strict=True)}
-    return Final(
+    return FinalRecogniser(
         bundle=bundle, parity=parity, members=weights, inner=blend.inner, trials=len(learned)
     )
 
 
-def save_trial_run(output: Path, final: Final, result: Mapping[str, Any]) -> dict[str, Any]:
+def save_trial_run(
+    output: Path, final: FinalRecogniser, result: Mapping[str, Any]
+) -> dict[str, Any]:
     """Write a run's folder, whole or not at all; return what `run.json` in it says.
 
     Args:

@@ -44,8 +44,8 @@ class Labelled:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Probed:
-    """What a probe says of trials that it was not fitted on."""
+class ProbeResult:
+    """A linear probe's predictions for trials held out of its fit."""
 
     name: str
     probabilities: NDArray[np.float64]
@@ -91,8 +91,8 @@ def probe(
     split: TrialSplit,
     seed: int = 0,
     on_step: Callable[[str], None] = lambda line: None,
-) -> Probed:
-    """Return what a probe says of each fold's test trials.
+) -> ProbeResult:
+    """Return a probe's predictions for each fold's test trials.
 
     Args:
         name: Of what is probed.
@@ -112,10 +112,10 @@ def probe(
             learning.part(fold.train_rows), learning.part(fold.test_rows), seed
         )
         inner.append(loss)
-    return Probed(name=name, probabilities=found, inner=tuple(inner))
+    return ProbeResult(name=name, probabilities=found, inner=tuple(inner))
 
 
-def commonest(labelled: Labelled, split: TrialSplit) -> Probed:
+def commonest(labelled: Labelled, split: TrialSplit) -> ProbeResult:
     """Return what naming each fold's shares of classes in training says: the least of all bars."""
     y = labelled.y
     classes = int(y.max()) + 1
@@ -123,7 +123,7 @@ def commonest(labelled: Labelled, split: TrialSplit) -> Probed:
     for fold in split.folds:
         counts = np.bincount(y[fold.train_rows], minlength=classes)
         found[fold.test_rows] = counts / counts.sum()
-    return Probed(name="commonest class", probabilities=found, inner=())
+    return ProbeResult(name="commonest class", probabilities=found, inner=())
 
 
 def probe_once(learning: Learning, test: Learning, seed: int) -> tuple[NDArray[np.float64], float]:
@@ -165,7 +165,7 @@ def _fitted(own: Learning, penalty: float, rows: NDArray[np.floating]) -> NDArra
 
 
 def less_than(
-    ours: Probed, other: Probed, y: NDArray[np.intp], groups: NDArray[np.str_]
+    ours: ProbeResult, other: ProbeResult, y: NDArray[np.intp], groups: NDArray[np.str_]
 ) -> LessThan:
     """Return how much better ours is, tested over whole groups."""
     names, index = np.unique(groups, return_inverse=True)
@@ -180,10 +180,10 @@ def less_than(
     )
 
 
-def _right(found: Probed, y: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _right(found: ProbeResult, y: NDArray[np.intp]) -> NDArray[np.bool_]:
     return np.asarray(found.probabilities.argmax(axis=1) == y)
 
 
-def _losses(found: Probed, y: NDArray[np.intp]) -> NDArray[np.float64]:
+def _losses(found: ProbeResult, y: NDArray[np.intp]) -> NDArray[np.float64]:
     own = found.probabilities[np.arange(len(y)), y]
     return np.asarray(-np.log(np.maximum(own, 1e-6)), np.float64)

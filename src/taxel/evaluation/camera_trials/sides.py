@@ -241,7 +241,7 @@ def _usual(groups: Groups) -> str:
 
 
 def shared_values(split: TrialSplit, groups: Groups, y: NDArray[np.intp]) -> str | None:
-    """Return what must be said where objects, or what else is resampled, are on both sides."""
+    """Return a warning where objects, or other resampled groups, are on both sides; else None."""
     if split.group not in USUAL_GROUPS or any(split.group not in own for own in groups):
         return None
     values = [own[split.group] for own in groups]

@@ -83,7 +83,7 @@ def transfer(
     ranking: Ranking = "by domain",
     on_step: Callable[[str], None] = lambda line: None,
 ) -> Found:
-    """Return what is said of each fold's test trials, draw by draw.
+    """Return predictions for each fold's test trials, draw by draw.
 
     Args:
         simulated: Labelled trials of the simulator; None learns from real ones alone.

@@ -65,7 +65,7 @@ _SPARE_PX: Final = 64
 
 @dataclass(frozen=True, slots=True)
 class SimulatedTrial:
-    """A grasp and what became of it."""
+    """One simulated camera trial, labelled by whether the object slipped."""
 
     run: PourRun
     gel: Gel

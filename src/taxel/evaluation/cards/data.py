@@ -41,7 +41,7 @@ class Nuisance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DataCard:
-    """What a set of recordings is."""
+    """Facts about a set of recordings, printed beside a result."""
 
     recordings: int
     hours: float
@@ -65,7 +65,7 @@ class DataCard:
 
 
 def data_card(path: Path, on_file: Callable[[str], None] = lambda _: None) -> DataCard:
-    """Read all recordings of a folder and say what they are.
+    """Return the data card of a folder: its sensors, hours, classes, groups, losses and digest.
 
     Args:
         path: A folder of recordings, or one.

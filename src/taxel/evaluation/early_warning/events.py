@@ -68,7 +68,7 @@ class StateTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOutcome:
-    """What became of one run."""
+    """The outcome of one run."""
 
     event: bool
     """True where the event happened."""
@@ -119,7 +119,7 @@ def alarms(
 
 
 def judge(track: StateTrack, config: EventConfig | None = None) -> RunOutcome:
-    """Return what became of one run, by the rules in the module's header."""
+    """Return the outcome of one run, by the rules in the module's header."""
     config = config or EventConfig()
     start_s = float(track.time_s[0]) + config.settled_s
     end_s = float(track.time_s[-1])
@@ -157,7 +157,7 @@ def judge(track: StateTrack, config: EventConfig | None = None) -> RunOutcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EventScores:
-    """What became of many runs. Each interval is 95 %, by resampling whole cups; (NaN, NaN)
+    """Scores over many runs. Each interval is 95 %, by resampling whole cups; (NaN, NaN)
     where there is one cup only. Times in seconds, NaN where there is nothing to measure.
     """
 
@@ -207,7 +207,7 @@ def summarise(outcomes: Sequence[RunOutcome], cluster: str = "cup", seed: int = 
     """Return the scores of many runs, with intervals by resampling whole clusters.
 
     Args:
-        outcomes: What became of each run.
+        outcomes: Of each run.
         cluster: The group that is resampled; runs without it are clusters of their own.
         seed: Seed of the resampling.
 

@@ -64,7 +64,7 @@ class WarningTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Promise:
-    """A threshold and what it gave on the pours that it was chosen on."""
+    """A slip warning's threshold for a promised rate of false alarms, with the rate found."""
 
     threshold: float
     interval: Interval
@@ -105,7 +105,7 @@ def alarm_config(threshold: float) -> StabilityConfig:
 
 
 def judge_track(track: WarningTrack, threshold: float) -> RunOutcome:
-    """Return what became of one pour.
+    """Return the outcome of one pour.
 
     Args:
         track: The pour.

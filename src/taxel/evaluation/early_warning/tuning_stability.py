@@ -83,7 +83,7 @@ class TuningGrid:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuned:
-    """The choice, and what it gives on the runs that it was chosen on."""
+    """The monitor's chosen thresholds, with their figures on the runs they were chosen on."""
 
     config: StabilityConfig
     """From probability to state."""

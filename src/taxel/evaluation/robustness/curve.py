@@ -23,7 +23,7 @@ FALL = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultPoint:
-    """How a model does at one level of one fault."""
+    """One point of a robustness curve: scores at one level of one fault."""
 
     fault: str
     """Its name; "none" where nothing was changed."""

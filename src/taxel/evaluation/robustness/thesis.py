@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ClaimedCondition:
-    """One sentence of the thesis, as a number where it gives one."""
+    """A claim of the thesis about one condition, as it was published."""
 
     what: str
     section: str

@@ -27,7 +27,7 @@ from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Mark, Samples, SensorInfo
-from taxel.training.fitting import Job, Lesson, fit_model, training_windows
+from taxel.training.fitting import Job, TrainingSet, fit_model, training_windows
 from taxel.training.recipes import Recipe
 from taxel.training.run import contract_of
 from taxel.windows.dataset import load_dataset
@@ -84,8 +84,8 @@ def train_model(path: Path, recipe: Recipe) -> Model:
         BadDataset: The recordings do not make such a data set.
     """
     dataset = load_dataset(path, recipe.window, target=recipe.target)
-    lesson = Lesson.of(training_windows(path, dataset, recipe), recipe.target)
-    fitted = fit_model(lesson, Job.of(recipe), steps=recipe.window.steps)
+    training = TrainingSet.of(training_windows(path, dataset, recipe), recipe.target)
+    fitted = fit_model(training, Job.of(recipe), steps=recipe.window.steps)
     target, networks = recipe.target, fitted.networks
     contract = contract_of(dataset, target, recipe.model, networks, fitted.scaling, {})
     return Model(contract, fitted.probabilities)

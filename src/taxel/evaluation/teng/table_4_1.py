@@ -23,7 +23,7 @@ from taxel.evaluation.metrics import score
 from taxel.evaluation.splits import Fold, Split, TrialFold, by_group, random_windows
 from taxel.evaluation.teng.inference_time import milliseconds_per_window
 from taxel.jobs.running import side_by_side
-from taxel.training.fitting import Job, Lesson, fit_model
+from taxel.training.fitting import Job, TrainingSet, fit_model
 from taxel.training.loop import TrainConfig
 from taxel.windows.config import FULL_SCALE_V, TENG_WINDOW
 from taxel.windows.dataset import Dataset, load_dataset
@@ -239,7 +239,7 @@ def _last_fit(dataset: Dataset, fold: Fold, job: Job) -> tuple[FoldResult, dict[
     watched = _watched(dataset, fold, development, job.train.seed)
     train = development[~watched]
     windows = dataset.windows
-    fitted = fit_model(Lesson.of(dataset, job.target, train), job)
+    fitted = fit_model(TrainingSet.of(dataset, job.target, train), job)
 
     def accuracy(part: NDArray[np.intp]) -> float:
         found = fitted.probabilities(windows.values[part], windows.mask[part])

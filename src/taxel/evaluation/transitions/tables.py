@@ -50,7 +50,7 @@ LARGEST_DIFFERENCE = "largest difference to first frames in the window"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RowPlan:
-    """A row that is to be measured."""
+    """A row of the paper's tables, before it is measured."""
 
     tables: tuple[int, ...]
     """In which of the paper's tables it stands."""

@@ -23,7 +23,7 @@ from taxel.evaluation.kept_folds import content_digest
 from taxel.evaluation.table_split import OWN_SPLIT
 from taxel.evaluation.tune.inner import InnerJob, folds_inside, inner_accuracy
 from taxel.evaluation.tune.space import Space
-from taxel.evaluation.tune.study import Found, Search, Store
+from taxel.evaluation.tune.study import BestSettings, Search, Store
 from taxel.jobs.call import code_digest
 from taxel.jobs.running import as_done
 from taxel.training.predictions import Predictions
@@ -38,7 +38,7 @@ class Outer:
     tuned: Pooled
     as_is: Pooled
     """The recipe as it is, on the same folds."""
-    found: tuple[Found, ...]
+    found: tuple[BestSettings, ...]
     """One an outer fold."""
     predictions: Predictions
     trivial: dict[str, float]
@@ -51,14 +51,14 @@ class Tuned:
     dataset: Dataset
     recipe: Recipe
     """With the settings found on all trials."""
-    found: Found
+    found: BestSettings
     outer: Outer | None
     """None where no outer score was asked for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extent:
-    """How much is searched and judged."""
+    """Size of a nested search: trials, outer folds, and whether it is scored."""
 
     trials: int
     """Finished trials of each search."""
@@ -116,7 +116,7 @@ class _Work:
     space: Space
     trials: int
 
-    def search(self, outer: int | None, on_step: Callable[[str], None]) -> Found:
+    def search(self, outer: int | None, on_step: Callable[[str], None]) -> BestSettings:
         """Search on an outer fold's training side, or on all trials."""
         recipe = self.source.recipe
 

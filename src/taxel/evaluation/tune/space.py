@@ -89,7 +89,7 @@ class Space:
     """Networks to choose among; empty keeps the recipe's own."""
 
     def check(self) -> None:
-        """Refuse names that there are not.
+        """Refuse settings and networks that do not exist.
 
         Raises:
             BadInput: There is no such setting or network, or nothing to search.

@@ -25,7 +25,7 @@ import numpy as np
 
 from taxel.errors import BadInput, BadSplit, MissingExtra, RecordingFailed
 from taxel.held import only_writer
-from taxel.jobs.call import Done
+from taxel.jobs.call import JobResult
 from taxel.jobs.running import result_of, submit, width
 
 HEARTBEAT_S, GRACE_S = 30, 120
@@ -39,8 +39,8 @@ _SQLITE = re.compile(r"sqlite(?:\+\w+)?:///([^?]*)")
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """What a search found."""
+class BestSettings:
+    """A search's best settings, with the scores by which they were chosen."""
 
     values: dict[str, Any]
     """The best trial's settings; empty where the recipe as it is was best."""
@@ -119,7 +119,7 @@ class Store:
         self._ended.set()
         self._thread.join()
 
-    def search(self, what: Search, on_step: Callable[[str], None]) -> Found:
+    def search(self, what: Search, on_step: Callable[[str], None]) -> BestSettings:
         """Search until as many trials are finished as are wanted; return the best.
 
         Args:
@@ -141,14 +141,14 @@ class Store:
                 "make room or mend the database, and run the same command again."
             ) from error
 
-    def _search(self, what: Search, on_step: Callable[[str], None]) -> Found:
+    def _search(self, what: Search, on_step: Callable[[str], None]) -> BestSettings:
         optuna = self._optuna
         study = optuna.create_study(
             storage=self.storage, study_name=what.name, direction="maximize", load_if_exists=True,
             pruner=optuna.pruners.MedianPruner(n_startup_trials=STARTUP),
         )  # fmt: skip
         self._give_up_the_dead(study)
-        running: dict[Future[Done], _Running] = {}
+        running: dict[Future[JobResult], _Running] = {}
         try:
             while True:
                 left = what.trials - len(self._finished(study)) - len(running)
@@ -185,7 +185,7 @@ class Store:
         trials = [*self._finished(study), *(own.trial for own in running)]
         return not any(trial.user_attrs.get(_AS_IS) for trial in trials)
 
-    def _next_fold(self, what: Search, running: _Running) -> Future[Done]:
+    def _next_fold(self, what: Search, running: _Running) -> Future[JobResult]:
         job = what.job(running.values, len(running.scores))
         return submit(what.work, job, name=_name(what, running))
 
@@ -225,10 +225,10 @@ class Store:
         found: list[Any] = study.get_trials(deepcopy=False, states=(states.COMPLETE, states.PRUNED))
         return found
 
-    def _best(self, study: Any) -> Found:
+    def _best(self, study: Any) -> BestSettings:
         best, finished = study.best_trial, self._finished(study)
         as_is = [trial.value for trial in finished if trial.user_attrs.get(_AS_IS)]
-        return Found(
+        return BestSettings(
             values=dict(best.params),
             accuracy=float(best.value),
             as_is=float(as_is[0]),

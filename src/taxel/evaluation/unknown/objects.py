@@ -20,7 +20,7 @@ from taxel.evaluation.splits import TrialFold, by_group
 from taxel.evaluation.unknown.scores import OURS, Scored, UnknownResult, join_scored, result_of
 from taxel.labels.joined import parts_of
 from taxel.labels.trials import coarsest_group
-from taxel.training.fitting import Job, Lesson, fit_model
+from taxel.training.fitting import Job, TrainingSet, fit_model
 from taxel.training.loop import TrainConfig
 from taxel.training.unknown import REJECTED, fit_unknown
 from taxel.windows.dataset import Dataset
@@ -163,7 +163,7 @@ def _one_fold(
     y = np.searchsorted(classes, labels[dataset.trial[train]])
     job = Job(model=config.model, target=config.target, train=config.train)
     learned, windows = dataset.windows[train], dataset.windows[test]
-    fitted = fit_model(Lesson(learned, y, len(classes), dataset.sensor.full_scale), job)
+    fitted = fit_model(TrainingSet(learned, y, len(classes), dataset.sensor.full_scale), job)
     p = fitted.probabilities(windows.values, windows.mask)
     scaled = fitted.scaling.apply(windows.values, windows.mask)
     test_of = NoveltyTest(

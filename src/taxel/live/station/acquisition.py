@@ -45,7 +45,7 @@ class Begun(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acquisition:
-    """One source and where it goes."""
+    """The job of a source's process: its address and rings."""
 
     place: Place
     url: str

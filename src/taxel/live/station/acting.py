@@ -43,7 +43,7 @@ class SimulatedGrip:
         self._sent_s = -math.inf
 
     def connect(self) -> None:
-        """It is there as long as its source is."""
+        """Do nothing: the simulated gripper is there as long as its source is."""
 
     def hear(self, interlock: Interlock, now_s: float) -> Health:
         return Health("", now_s)

@@ -33,7 +33,7 @@ _LONGEST_PATIENCE_MS = (1 << _PATIENCE_BITS) - 1
 
 
 class Work(IntEnum):
-    """What a process says of itself."""
+    """The state that a process reports of itself."""
 
     STARTING = 0
     RUNNING = 1

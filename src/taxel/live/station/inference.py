@@ -298,7 +298,7 @@ class _RecogniseWatcher:
 
 
 class _FixedHead:
-    """A model that gives one value.
+    """A stand-in for a model that always gives one value, for drills.
 
     Args:
         value: What it gives; NaN too.

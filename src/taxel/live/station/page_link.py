@@ -221,7 +221,7 @@ class StationView:
         return old or "the recorder does not answer"
 
     def react(self, what: str) -> str:
-        """Report to the supervisor what a person did, or what came of the grasp."""
+        """Report a person's reaction, or the grasp's outcome, to the supervisor."""
         self._ask({"do": "react", "what": what})
         return ""
 

@@ -60,7 +60,7 @@ class Person:
         self._reactions.watch(decision.state, given.advice.value, now_s)
 
     def say(self, what: str, now_s: float) -> None:
-        """Hear what the person did, or what came of the grasp.
+        """Log the person's reaction to the grasp, or its outcome.
 
         Raises:
             ValueError: It is neither.
@@ -85,7 +85,7 @@ class Person:
             self._on_trial(trial)
 
     def advice(self, answers: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
-        """Return what the page says is to be done; None where there is nothing to say.
+        """Return the advice that the page shows, or the recognisers' actions; None for neither.
 
         Args:
             answers: The newest of each recogniser: where no grasp is watched, their actions.

@@ -52,7 +52,7 @@ class Worker:
 
 
 class ProcessGroup:
-    """All processes, in the order in which they were added.
+    """The processes of a station, in the order in which they were added.
 
     Args:
         beats: Their signs of life.

@@ -69,7 +69,7 @@ class Recording:
 def choose_recorded(
     sources: list[tuple[str, int, SensorInfo, tuple[CameraInfo, ...]]],
 ) -> tuple[tuple[Recorded, ...], str]:
-    """Return what is recorded of each source, and the name of an array that is not, or "".
+    """Return what is recorded of each source, and the name of an array left out, or "".
 
     A recording holds one array: that of the first source without cameras, else of the first
     that has one. All cameras are recorded.

@@ -202,7 +202,7 @@ class RingReader(_Attached):
 
     @property
     def word(self) -> tuple[Word, int]:
-        """What changes when a message comes, and what was seen of it."""
+        """The shared word that changes with each message, and its value at the last one taken."""
         return self._word, self._at
 
     def take(self, most: int = 1_000_000) -> list[bytes]:

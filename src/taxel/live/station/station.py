@@ -89,7 +89,7 @@ class Station:
         self.refused_requests = 0
         """Requests of the page that were refused."""
         self._status_s = 0.0
-        self._said: tuple[str, str | None] = (NO_GRASP, None)
+        self._logged: tuple[str, str | None] = (NO_GRASP, None)
         self._since_s = 0.0
         self._disarms = 0
         self._stopped = False
@@ -140,7 +140,7 @@ class Station:
         return self._recorder.newest
 
     def react(self, what: str) -> None:
-        """Log what a person did about the grasp, or what came of it.
+        """Log a person's reaction to the grasp, or its outcome.
 
         Raises:
             ValueError: It is neither.
@@ -247,7 +247,7 @@ class Station:
         return ", ".join(worker.name for worker in self._processes.workers if worker.given_up)
 
     def tick(self, now_s: float) -> None:
-        """Read, weigh, act, report: once.
+        """Read the processes' notes, judge them, act and report, once.
 
         Between two of them this process must not stand still: the alarm watch raises the alarm
         where it does, until `run` returns or the station is closed.
@@ -277,26 +277,19 @@ class Station:
         """Add what is shown to the events: each new word, and each new kind of reason for it."""
         word, reason, since_s = self.guard.shown
         shown = word, kind_of(reason)
-        if shown == self._said:
+        if shown == self._logged:
             return
-        if self._said[0] == UNKNOWN and word != UNKNOWN:
+        if self._logged[0] == UNKNOWN and word != UNKNOWN:
             reason += f"{', ' if reason else ''}after {since_s - self._since_s:.1f} s of {UNKNOWN}"
         if self.guard.decision.alarm and self.guard.slip is not None:
             reason = reason or self.guard.slip.words
-        self._said, self._since_s = shown, since_s
+        self._logged, self._since_s = shown, since_s
         self._happened(now_s, f"{word}{': ' if reason else ''}{reason}")
 
     def snapshot(self, now_s: float) -> dict[str, Any]:
         """Return the state of everything, as the page's link gives it."""
-        limits = next(
-            (
-                entry
-                for monitor in self.wiring.monitors
-                for entry in monitor.bundles
-                if "warn" in entry
-            ),
-            {},
-        )
+        bundles = [entry for monitor in self.wiring.monitors for entry in monitor.bundles]
+        limits = next((entry for entry in bundles if "warn" in entry), {})
         answers = self.answers.newest(self.wiring.given_up)
         return guard_snapshot(self.guard, now_s) | {
             "thresholds": {k: limits[k] for k in ("clear", "warn", "unstable") if k in limits},
@@ -314,6 +307,7 @@ class Station:
         }  # fmt: skip
 
     def _hear(self, now_s: float) -> list[dict[str, Any]]:
+        """Take in what monitors, recorder and page have sent; return the monitors' notes."""
         heard = []
         for monitor in self.wiring.monitors:
             if monitor.watches:
@@ -323,23 +317,7 @@ class Station:
                     self.guard.beat(who, beat.beat_s, beat.patience_s)
             for note in notes_of(monitor.heard.take()):
                 heard.append(note)
-                if note["kind"] == "new grasp":
-                    self._driving.new_grasp()
-                    self.person.new_grasp(now_s, str(note.get("outcome", "")))
-                elif note["kind"] == "reaction":
-                    self.person.marked(str(note["what"]), float(note["time_s"]))
-                elif note["kind"] == "grasp":
-                    self.guard.decide(note["who"], note)
-                    self._recorder.keep_slip(note)
-                    self.skipped = max(self.skipped, int(note["skipped"]))
-                    self._weigh_late(note, now_s)
-                elif note["kind"] == "news":
-                    self.say(note["text"])
-                else:
-                    answer, news = self.answers.add(note)
-                    self._driving.recognised(answer)
-                    if news:
-                        self._happened(now_s, news)
+                self._take_in(note, now_s)
         for note in self._recorder.hear(now_s):
             self._on_note(note)
         for content in self._requests.take():
@@ -349,7 +327,27 @@ class Station:
                 self.refused_requests += 1
         return heard
 
-    def _weigh_late(self, note: dict[str, Any], now_s: float) -> None:
+    def _take_in(self, note: dict[str, Any], now_s: float) -> None:
+        """Pass one note of a monitor or a recogniser on to whom it concerns."""
+        if note["kind"] == "new grasp":
+            self._driving.new_grasp()
+            self.person.new_grasp(now_s, str(note.get("outcome", "")))
+        elif note["kind"] == "reaction":
+            self.person.marked(str(note["what"]), float(note["time_s"]))
+        elif note["kind"] == "grasp":
+            self.guard.decide(note["who"], note)
+            self._recorder.keep_slip(note)
+            self.skipped = max(self.skipped, int(note["skipped"]))
+            self._report_late_cameras(note, now_s)
+        elif note["kind"] == "news":
+            self.say(note["text"])
+        else:
+            answer, news = self.answers.add(note)
+            self._driving.recognised(answer)
+            if news:
+                self._happened(now_s, news)
+
+    def _report_late_cameras(self, note: dict[str, Any], now_s: float) -> None:
         late = note.get("late") or {}
         if late:
             text = ", ".join(f"{name} is {1000 * s:.0f} ms late" for name, s in late.items())

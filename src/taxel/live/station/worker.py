@@ -106,7 +106,7 @@ class Pulse:
         )  # fmt: skip
 
     def work_of(self, row: int) -> Work:
-        """Return what another process says of itself."""
+        """Return the state that another process reports."""
         return self._board.read(row).work
 
     def report(self, *words: object) -> None:

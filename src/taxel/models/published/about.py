@@ -20,7 +20,7 @@ _LONGEST = 500
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class About:
-    """Where weights come from and how they were trained."""
+    """The description in a weight file's head: origin, licence, training and checksums."""
 
     origin: str
     licence: str = ""

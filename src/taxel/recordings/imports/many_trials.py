@@ -1,6 +1,7 @@
 """Rows of an import table that stand for many trials each, and what each of these trials is.
 
-Knows nothing about how files are read (stacks.py, trial_runs.py) or recordings are written.
+Knows nothing about how files are read (stacks/, trial_lines.py, trial_runs.py), or how recordings
+are written.
 
 Background of our choices: docs/decisions/0011.
 """
@@ -39,13 +40,34 @@ STAR_CELL = "star:"
 
 @dataclass(frozen=True, slots=True)
 class OneOfMany:
-    """What one trial of a row is."""
+    """One of the trials that a row of an import table stands for."""
 
     trial: Trial
     name: str
     """What sets it apart from the row's other trials, fit for a file's name."""
     values: Mapping[str, str]
     """Column of the import table → the trial's own value."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """A row of an import table, and where the files that its cells name are looked for."""
+
+    named: Mapping[str, str]
+    """Column → the row's cell."""
+    data_dir: Path
+    where: str
+    """Table and line, for messages."""
+    outside: bool
+    """Whether files may lie outside of that folder."""
+
+    def path_of(self, ref: Reference) -> Path:
+        """Return the file that a cell names."""
+        return file_of(ref.file, self.data_dir, self.where, outside=self.outside)
+
+    def read_beside(self, ref: Reference) -> list[str]:
+        """Return the values that a cell names in another file than the trials' own."""
+        return values_beside(self.path_of(ref), ref.name)
 
 
 def holds_many(file: Path, named: Mapping[str, str]) -> bool:
@@ -93,13 +115,10 @@ def trials_of(
     """
     if not file.is_file():
         raise BadTable("a file to import", f"{file}, which is not there", "check the path")
+    row = _Row(named, data_dir, where, outside)
     wanted = {name: ref for name, cell in named.items()
               if _may_refer(name) and (ref := Reference.of(cell))}  # fmt: skip
-
-    def read_beside(ref: Reference) -> list[str]:
-        return values_beside(file_of(ref.file, data_dir, where, outside=outside), ref.name)
-
-    beside = {name: read_beside(ref) for name, ref in wanted.items() if ref.file}
+    beside = {name: row.read_beside(ref) for name, ref in wanted.items() if ref.file}
     own = list(dict.fromkeys(ref.name for ref in wanted.values() if not ref.file))
     labelled = labelled or any(
         cell and name.startswith("label:") and not cell.lower().startswith((FROM, STAR_CELL))
@@ -111,15 +130,7 @@ def trials_of(
         values = {name: beside.get(name) or source.texts(ref.name) for name, ref in wanted.items()}
         for name, ref in wanted.items():
             if ref.classes is not None:
-                cell, numbers = named[name], values[name]
-                _check_line_1(ref.classes, cell, where)
-                classes = (
-                    read_beside(ref.classes)
-                    if ref.classes.file
-                    else _own_classes(source, ref.classes.name, cell, where)
-                )
-                values[name] = named_classes(numbers, classes, ref.first, cell, where)
-                source.doubts.append(remark_on(numbers, classes, ref.first, cell))
+                values[name] = _class_names(source, row, name, ref, values[name])
         arrays = any(len(values[name]) > 1 and STAR not in ref.name for name, ref in wanted.items())
         if arrays and isinstance(source, ArrayTrials) and source.order:
             source.doubts.append(source.order)
@@ -128,16 +139,7 @@ def trials_of(
         count = len(source.keys)
         for name, texts in values.items():
             if len(texts) not in (1, count):
-                got = f"{len(texts)} by {visible(named[name])} in {where}"
-                mend = "name another array, or correct the column 'axes'"
-                ref = wanted.get(name)
-                if ref and ref.file and len(texts) + 1 == count:
-                    path = file_of(ref.file, data_dir, where, outside=outside)
-                    if (above := name_above(path, ref.name, len(texts))) is not None:
-                        line_1 = f"line 1 of the file, {above[:80]!r}"
-                        got += f", where {line_1}, is taken for the column's name"
-                        mend = f"if it is the first trial's value, write a name above it; or {mend}"
-                raise BadTable(f"a value for each of {count} trials", got, mend)
+                raise _wrong_count(row, name, wanted.get(name), len(texts), count)
         _cut(source, values.pop("length", None), named, where)
     finally:
         source.close()
@@ -147,6 +149,54 @@ def trials_of(
                   {name: texts[index if len(texts) > 1 else 0] for name, texts in values.items()})
         for index in range(count)
     ]  # fmt: skip
+
+
+def _class_names(
+    source: TrialSet, row: _Row, name: str, ref: Reference, numbers: list[str]
+) -> list[str]:
+    """Return the names of the classes that a column numbers, as in from:objects[y].
+
+    Args:
+        source: The trials; a remark on how the numbers were read is added to its doubts.
+        row: The row.
+        name: The column.
+        ref: Its cell, with `classes`.
+        numbers: Each trial's number of a class.
+
+    Raises:
+        BadTable: There are no such names, or they do not fit the numbers.
+    """
+    assert ref.classes is not None
+    cell, where = row.named[name], row.where
+    _check_line_1(ref.classes, cell, where)
+    if ref.classes.file:
+        classes = row.read_beside(ref.classes)
+    else:
+        classes = _own_classes(source, ref.classes.name, cell, where)
+    found = named_classes(numbers, classes, ref.first, cell, where)
+    source.doubts.append(remark_on(numbers, classes, ref.first, cell))
+    return found
+
+
+def _wrong_count(row: _Row, name: str, ref: Reference | None, found: int, trials: int) -> BadTable:
+    """Return the refusal of a column that names a wrong number of values.
+
+    Args:
+        row: The row.
+        name: The column.
+        ref: Its cell, where it names values of the trials or of another file.
+        found: How many values there are.
+        trials: How many trials there are.
+    """
+    got = f"{found} by {visible(row.named[name])} in {row.where}"
+    mend = "name another array, or correct the column 'axes'"
+    if ref and ref.file and found + 1 == trials:
+        above = name_above(row.path_of(ref), ref.name, found)
+        if above is not None:
+            line_1 = f"line 1 of the file, {above[:80]!r}"
+            got += f", where {line_1}, is taken for the column's name"
+            mend = f"if it is the first trial's value, write a name above it; or {mend}"
+    return BadTable(f"a value for each of {trials} trials", got, mend)
 
 
 def refuse_words_of_many(named: Mapping[str, str], where: str) -> None:

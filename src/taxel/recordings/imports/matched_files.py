@@ -30,7 +30,7 @@ docs/decisions/0011."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableLine:
-    """One line of an import table, or what it says of one of the files that match it."""
+    """One line of an import table, for one of the files that its pattern matches."""
 
     where: str
     """Table and line, for messages."""
@@ -63,7 +63,7 @@ class _Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Search:
-    """Where the files of one pattern are looked for."""
+    """The folder that a pattern is looked up in, and whether it may lead outside."""
 
     data_dir: Path
     where: str

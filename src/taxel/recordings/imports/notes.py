@@ -47,7 +47,7 @@ docs/decisions/0011."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileFacts:
-    """What was found in one file."""
+    """How one file was read, where a person should check it."""
 
     file: str
     """Its name."""

@@ -49,7 +49,7 @@ _BLOCK_BYTES = 8 * MIB
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TextColumns:
-    """What was read of a text."""
+    """The columns of numbers read from a text, and how the text was read."""
 
     values: NDArray[np.float64]
     """Shape (rows, wanted), in the file's own units."""

@@ -30,7 +30,7 @@ SIDES = ("train", "validation", TEST)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VideoRow:
-    """What one recording is made of."""
+    """One row of an import table of camera trials: the files of one recording."""
 
     name: str
     """Of the recording, without ending."""

@@ -190,7 +190,7 @@ def draw_run(
 
 
 def draw_kinds(still: float, negatives: float, random: np.random.Generator) -> tuple[Kind, ...]:
-    """Return the kind of one of the paper's runs, and that of one more where one is drawn.
+    """Draw the kind of one run, "pour" or "still", and at times a second run of another kind.
 
     Args:
         still: Share of runs in which nothing is poured, 0…1.

@@ -30,7 +30,7 @@ class RunGrip:
         """When the grasp is made, seconds."""
 
     def held_s(self, time_s: float) -> float:
-        """Return for how long the grasp has been made."""
+        """Return how long ago the grasp settled, seconds; 0 before."""
         return max(time_s - self.settled_s, 0.0)
 
     def normal_n(self, time_s: float, grip_n: float) -> float:

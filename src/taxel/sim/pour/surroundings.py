@@ -65,13 +65,13 @@ class Surroundings:
         return mass_kg * GRAVITY_M_S2 / (len(self._feet) * TABLE_N_MM) * self.scene.on_table
 
     def gripper(self, time_s: float) -> GripperMoment:
-        """Return where the gripper is and how it moves."""
+        """Return the gripper's tilt and motion at a moment, seconds since time zero."""
         return self.scene.path.at(time_s, GRAVITY_M_S2)
 
     def load(
         self, time_s: float, place: Array, speed: Array, mass_kg: float, poured_n: Array
     ) -> Load:
-        """Return what pulls at the handle at a moment.
+        """Return the load on the handle at a moment: forces and moment, from weight to pushes.
 
         Args:
             time_s: Since time zero.

@@ -34,7 +34,7 @@ class Scans:
 
 @dataclass(slots=True, kw_only=True)
 class BoardLedger:
-    """What became of one board's scans.
+    """Counts of one board's scans: recorded, lost and repeated.
 
     Scans due since its hello = scans + lost + lost_away; rows that hold its values =
     scans + repeated − early − late − skipped, once all rows were read.

@@ -227,7 +227,7 @@ class BoardStream:
         self.wants_hello = False
 
     def _forget_claim(self) -> None:
-        """Throw away scans of no boot that is believed, and what was said of them."""
+        """Discard scans that fit no boot of the board, and the hello that claimed one."""
         self._foreign += self._claim is not None
         for suspect in self._suspects:
             self._throw(suspect)

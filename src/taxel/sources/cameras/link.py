@@ -49,7 +49,7 @@ _LARGEST_DELAY_S = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraLedger:
-    """What became of one camera's frames since it was opened."""
+    """Counts of one camera's frames since it was opened."""
 
     name: str
     frames: int

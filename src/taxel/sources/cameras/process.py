@@ -65,7 +65,7 @@ serial number, so that the socket decides which it is."""
 
 @dataclass(frozen=True)
 class CaptureJob:
-    """What one capture process is to do."""
+    """The job of a camera's capture process: its camera, ring and file descriptors."""
 
     request: CameraRequest
     factory: CaptureFactory

@@ -126,7 +126,7 @@ def list_realsense(look: Callable[[], Iterable[Any]] | None = None) -> list[Foun
 
 
 def info_of(device: Any, kind: Any) -> str:
-    """Return what a device says of itself; empty where it does not say."""
+    """Return one of a device's properties, such as its serial number; empty where it has none."""
     return str(device.get_info(kind)) if device.supports(kind) else ""
 
 

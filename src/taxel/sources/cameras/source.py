@@ -142,7 +142,7 @@ class Cameras:
         return []
 
     def ledgers(self) -> tuple[CameraLedger, ...]:
-        """Return what became of each camera's frames so far; empty once closed."""
+        """Return each camera's ledger so far; empty once closed."""
         return tuple(link.ledger() for link in self._links)
 
     def __enter__(self) -> Self:
@@ -201,7 +201,7 @@ def _names(text: str | None, count: int) -> tuple[str, ...]:
 
 
 def _sizes(text: str | None, count: int) -> tuple[float | None, ...]:
-    """Return the size of a pixel for each camera: one for all, or one each."""
+    """Return each camera's pixel size, millimetres, from one number for all or one for each."""
     if text is None:
         return (None,) * count
     try:
@@ -231,7 +231,7 @@ def _bad(key: str, needed: str, got: str) -> BadSource:
 def _info(
     number: int, choice: CamerasChoice, given: CameraGiven, measured: tuple[float, float]
 ) -> CameraInfo:
-    """Return what a camera is: what it does, beside what was asked for and promised."""
+    """Return a camera's description: measured size and rates, and those asked for and promised."""
     rate_hz, images_hz = measured
 
     def said(rate: float | None) -> str:

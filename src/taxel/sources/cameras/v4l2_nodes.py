@@ -45,7 +45,7 @@ class Offer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundCamera:
-    """A node that can capture, or one that could not be asked."""
+    """A V4L2 node that can capture, or one that could not be queried (`problem` says why)."""
 
     path: str
     """The node, such as /dev/video0."""

@@ -204,7 +204,7 @@ def measured_at(
     test: Path,
     touches: TouchLevel,
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return class → accuracy at the level as it was and at that of touches, as `by_class` does.
+    """Return class → accuracy, 0…1, at the old level and at the level of the touches.
 
     Args:
         predict: (unscaled windows at the level as it was, n of them) → probabilities (n, classes).

@@ -23,8 +23,8 @@ from torch.nn import functional
 
 from taxel.models.torch_engine import enough_memory, in_numbers
 from taxel.training.backbones.fine_tuning import KeptEpochs
-from taxel.training.backbones.lessons import Lessons
 from taxel.training.backbones.pace import check_gradient, pace
+from taxel.training.backbones.transfer_set import TransferSet
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
 
 BATCH = 32
@@ -84,7 +84,7 @@ class DistilConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class LessonEpoch:
+class DistilEpoch:
     """What an epoch gave, as a checkpoint keeps it."""
 
     loss: float
@@ -112,18 +112,18 @@ class Agreement:
 @enough_memory()
 def distil(
     network: nn.Module,
-    lessons: Learnable,
+    examples: Learnable,
     config: DistilConfig,
     *,
     kept: KeptEpochs | None = None,
     on_step: Callable[[int, int, float], None] = lambda _step, _of, _loss: None,
     on_fit: Callable[[int, int], None] = lambda _images, _of: None,
-) -> tuple[LessonEpoch, ...]:
+) -> tuple[DistilEpoch, ...]:
     """Train a student in place, on the device of its images; return what each epoch gave.
 
     Args:
         network: Images (n, 3, h, w) → logits (n, 1000); its top is called `predictions`.
-        lessons: What to learn from.
+        examples: What to learn from.
         config: How.
         kept: Where a run that is broken off goes on from; None keeps nothing.
         on_step: Called with the step's number, how many there are and its loss.
@@ -135,26 +135,26 @@ def distil(
             a gradient is no longer a number, or the card has too little memory.
         RecordingFailed: The disk refused.
     """
-    network.to(lessons.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+    network.to(examples.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
     adam = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
-    job = lessons.digest()
-    history: list[LessonEpoch] = []
+    job = examples.digest()
+    history: list[DistilEpoch] = []
     if kept is not None and kept.resume and kept.path.exists():
-        history = load_checkpoint(kept.path, network, adam, config, LessonEpoch, job)
-    norms_kept = history[-1].norms_kept if history else begin(network, lessons, config, on_fit)
+        history = load_checkpoint(kept.path, network, adam, config, DistilEpoch, job)
+    norms_kept = history[-1].norms_kept if history else begin(network, examples, config, on_fit)
     rate = config.learning_rate * (_KEPT_PACE if norms_kept else 1.0)
     _set_momentum(network, _NORM_MOMENTUM)
-    steps = len(lessons) // config.batch or 1
+    steps = len(examples) // config.batch or 1
     for epoch in range(len(history), config.epochs):
         _train_mode(network, norms_kept=norms_kept)
-        order = np.random.default_rng([config.seed, epoch]).permutation(len(lessons))
+        order = np.random.default_rng([config.seed, epoch]).permutation(len(examples))
         total = 0.0
         for step in range(steps):
             part = order[step * config.batch : (step + 1) * config.batch]
             done = epoch * steps + step
             for group in adam.param_groups:
                 group["lr"] = rate * pace(done, config.epochs * steps)
-            loss = _loss(network, *lessons.take(part, epoch), config)
+            loss = _loss(network, *examples.take(part, epoch), config)
             adam.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
             length = nn.utils.clip_grad_norm_(network.parameters(), math.inf)  # measured, not cut
@@ -163,7 +163,7 @@ def distil(
             found = float(loss.detach())
             total += found
             on_step(done + 1, config.epochs * steps, found)
-        history.append(LessonEpoch(total / steps, norms_kept))
+        history.append(DistilEpoch(total / steps, norms_kept))
         if kept is not None:
             save_checkpoint(kept.path, network, adam, config, history, job)
     network.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]
@@ -172,25 +172,25 @@ def distil(
 
 
 def agreement(
-    network: nn.Module, lessons: Lessons, *, plain: bool, batch: int = BATCH
+    network: nn.Module, examples: TransferSet, *, plain: bool, batch: int = BATCH
 ) -> Agreement:
     """Return how often a network's first answer is the teacher's.
 
     Args:
         network: Images (n, 3, h, w) → logits (n, 1000).
-        lessons: Images with the teacher's answers.
+        examples: Images with the teacher's answers.
         plain: Of images as the camera gave them; else of changed copies.
         batch: Images in a training step, so that a card meets no other number; at least 64.
     """
     network.eval()
     device = next(network.parameters(), torch.empty(0)).device
-    rows = np.flatnonzero(lessons.plain == plain)
+    rows = np.flatnonzero(examples.plain == plain)
     found = []
     with torch.inference_mode():
         for part, count in _blocks(rows, max(batch, _EVALUATION_BATCH)):
-            images, _ = lessons.take(part, -1)
+            images, _ = examples.take(part, -1)
             found.append(network(images.to(device)).argmax(dim=1)[:count].cpu().numpy())
-    wanted = lessons.answers[rows].argmax(axis=1)
+    wanted = examples.answers[rows].argmax(axis=1)
     return Agreement(
         float((np.concatenate(found) == wanted).mean()),
         float(np.bincount(wanted).max() / len(wanted)),
@@ -200,7 +200,7 @@ def agreement(
 
 def begin(
     network: nn.Module,
-    lessons: Learnable,
+    examples: Learnable,
     config: DistilConfig,
     on_fit: Callable[[int, int], None] = lambda _images, _of: None,
 ) -> bool:
@@ -212,14 +212,14 @@ def begin(
     Returns:
         Whether it stays as it is; then its norms keep their statistics while it learns.
     """
-    order = np.random.default_rng([config.seed, 29]).permutation(len(lessons))
-    judged = min(_COMPARED, int(_COMPARED_SHARE * len(lessons)))
+    order = np.random.default_rng([config.seed, 29]).permutation(len(examples))
+    judged = min(_COMPARED, int(_COMPARED_SHARE * len(examples)))
     judges, others = order[:judged], np.sort(order[judged:])
     before = {name: value.clone() for name, value in network.state_dict().items()}
-    loss = _mean_loss(network, lessons, config, judges)
-    settle_norms(network, lessons, config, others)
-    fit_top(network, lessons, config, others, on_fit)
-    stays = loss < _mean_loss(network, lessons, config, judges)
+    loss = _mean_loss(network, examples, config, judges)
+    settle_norms(network, examples, config, others)
+    fit_top(network, examples, config, others, on_fit)
+    stays = loss < _mean_loss(network, examples, config, judges)
     if stays:
         network.load_state_dict(before)
     return stays
@@ -227,7 +227,7 @@ def begin(
 
 def settle_norms(
     network: nn.Module,
-    lessons: Learnable,
+    examples: Learnable,
     config: DistilConfig,
     rows: NDArray[np.intp] | None = None,
 ) -> None:
@@ -235,7 +235,7 @@ def settle_norms(
 
     Args:
         network: What is changed in place.
-        lessons: Images.
+        examples: Images.
         config: How many at a time.
         rows: Those to use; all unless given.
     """
@@ -246,8 +246,8 @@ def settle_norms(
         norm.momentum = None  # the plain mean over batches
     network.train()
     with torch.no_grad():
-        for part in _some(np.arange(len(lessons)) if rows is None else rows, config):
-            images, _ = lessons.take(part, -1)
+        for part in _some(np.arange(len(examples)) if rows is None else rows, config):
+            images, _ = examples.take(part, -1)
             with _numbers(config, images.device):
                 network(images)
     for norm, momentum in zip(norms, momenta, strict=True):
@@ -257,7 +257,7 @@ def settle_norms(
 
 def fit_top(
     network: nn.Module,
-    lessons: Learnable,
+    examples: Learnable,
     config: DistilConfig,
     rows: NDArray[np.intp] | None = None,
     on_fit: Callable[[int, int], None] = lambda _images, _of: None,
@@ -266,7 +266,7 @@ def fit_top(
 
     Args:
         network: Its top is changed in place.
-        lessons: Images with the teacher's answers.
+        examples: Images with the teacher's answers.
         config: How many at a time.
         rows: Those to use; all unless given.
         on_fit: Called with how many of them were seen, and how many there are.
@@ -281,9 +281,9 @@ def fit_top(
     rests: list[Tensor] = []
     done = 0
     with torch.no_grad():
-        rows = np.arange(len(lessons)) if rows is None else rows
+        rows = np.arange(len(examples)) if rows is None else rows
         for part, count in _blocks(rows, max(config.batch, _EVALUATION_BATCH)):
-            images, answers = lessons.take(part, -1)
+            images, answers = examples.take(part, -1)
             with _numbers(config, images.device):
                 rests.append((answers - network(images).float())[:count])
             pooled[-1] = pooled[-1][:count]
@@ -302,7 +302,7 @@ def fit_top(
 
 
 def _mean_loss(
-    network: nn.Module, lessons: Learnable, config: DistilConfig, rows: NDArray[np.intp]
+    network: nn.Module, examples: Learnable, config: DistilConfig, rows: NDArray[np.intp]
 ) -> float:
     """Return the loss of a network as it stands, nats; infinite where there is no image."""
     network.eval()
@@ -310,7 +310,7 @@ def _mean_loss(
     with torch.no_grad():
         size = max(config.batch, _EVALUATION_BATCH)
         for part in (rows[first : first + size] for first in range(0, len(rows), size)):
-            total += len(part) * float(_loss(network, *lessons.take(part, -1), config))
+            total += len(part) * float(_loss(network, *examples.take(part, -1), config))
     return total / len(rows) if len(rows) else math.inf
 
 

@@ -45,7 +45,7 @@ _TRIES: Final = 50
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialMember:
-    """A model and what it sees."""
+    """One model of the blend, and the views and columns it is given."""
 
     name: str
     views: Mapping[str, tuple[str, ...]]
@@ -294,7 +294,7 @@ def _held_out(
     seed: int,
     on_step: Callable[[str], None],
 ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
-    """Return what members say of trials they were not fitted on, and how novel those were.
+    """Return members' predictions for held-out trials, and the novelty of those trials.
 
     Where no folds over groups can be made (a class of one group only), trials are held out.
 

@@ -122,7 +122,7 @@ def _alone(cut: TrialRows) -> Crops:
 
 @dataclass(frozen=True, slots=True)
 class _Cuts:
-    """Which crops of a layout: those that a trial is judged by, or those between them."""
+    """Where crops start: those a trial is judged by (`between` 0), or crops between them."""
 
     layout: Layout
     between: int

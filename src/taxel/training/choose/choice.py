@@ -54,7 +54,7 @@ class Standing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """A recogniser to be trained, and what spoke for it."""
+    """A recogniser that was chosen: its window and members, and the scores it was chosen by."""
 
     target: str
     window: WindowConfig

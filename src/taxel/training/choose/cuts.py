@@ -57,7 +57,7 @@ class Tries(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Cuts:
-    """What became of the ways to cut."""
+    """The best way to cut recordings into windows, and the ways that were given up."""
 
     best: Part
     behind: tuple[str, ...] = ()
@@ -77,10 +77,10 @@ def best_cut(parts: Sequence[Part], tries: Tries) -> Cuts:
     """
     decided = [len(set(part.prepared.trial[part.windows])) for part in parts]
     ways = [
-        _Way(whole, _thinned(whole), trials / max(decided))
+        _Cutting(whole, _thinned(whole), trials / max(decided))
         for whole, trials in zip(parts, decided, strict=True)
     ]
-    compared: list[_Way] = []
+    compared: list[_Cutting] = []
     behind: list[str] = []
     left_out: list[str] = []
     for way in ways:
@@ -105,13 +105,16 @@ def best_cut(parts: Sequence[Part], tries: Tries) -> Cuts:
 
 
 @dataclass(slots=True)
-class _Way:
+class _Cutting:
+    """One way to cut recordings into windows, and its loss so far."""
+
     whole: Part
     part: Part
-    """Thinned out."""
+    """Some of the windows of `whole`, so that trying it is quick."""
     share: float
-    """Of the trials that any way decides."""
+    """Trials of which this way makes windows, as a share of those of the best way, 0…1."""
     loss: float = float("inf")
+    """Of the quick models on inner folds, nats; infinite until it was tried."""
 
     def with_guesses(self, loss: float) -> float:
         """Return a loss of the decided trials, nats, with the others guessed at."""
@@ -126,7 +129,7 @@ def _quick_pair(sets: Sets) -> list[Candidate]:
     ]
 
 
-def _is_far_behind(way: _Way, best: _Way, pair: list[Candidate], tries: Tries) -> bool:
+def _is_far_behind(way: _Cutting, best: _Cutting, pair: list[Candidate], tries: Tries) -> bool:
     """Return whether a way's first inner fold rules it out beside the best way so far."""
     for fold in tested_folds(way.part.fold, ordered=way.part.ordered):
         own = way.part.scored & (way.part.fold == fold)

@@ -23,7 +23,7 @@ from taxel.training.choose.costs import Cost, cost_of
 from taxel.training.choose.fit_choice import Heads, copies, fit_choice
 from taxel.training.choose.pieces import Pieces
 from taxel.training.choose.preparations import Prepared
-from taxel.training.choose.search import Found
+from taxel.training.choose.search import SearchResult
 
 MINUTES = 5.0
 """Default: to choose and train. Source: issue 16."""
@@ -42,7 +42,7 @@ Source: our choice, docs/decisions/0039."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What choosing and its result may take."""
+    """Limits of a search's time and of its bundle's size and speed."""
 
     minutes: float = MINUTES
     most_mb: float = MOST_MB
@@ -71,7 +71,7 @@ class Fitted:
 
 
 def fit_within(
-    found: Found,
+    found: SearchResult,
     train: Sequence[int],
     limits: Limits = USUAL_LIMITS,
     *,
@@ -125,8 +125,8 @@ def fit_within(
 
 
 @dataclass(frozen=True, slots=True)
-class _Way:
-    """One thing that could be given up."""
+class _Saving:
+    """One way to make a choice cheaper: a choice without some of its candidates."""
 
     name: str
     choice: Choice
@@ -154,7 +154,7 @@ class _Way:
 
 
 def _quick_enough(
-    found: Found,
+    found: SearchResult,
     choice: Choice,
     without: Set[Candidate],
     us: Callable[[Choice], float],
@@ -178,7 +178,7 @@ def _quick_enough(
         ways = []
         for name, unit in units.items():
             less = found.choice(gone | unit)
-            ways.append(_Way(name, less, us(less), len(unit)))
+            ways.append(_Saving(name, less, us(less), len(unit)))
         best = min(ways, key=lambda way: way.rank(choice.loss, now, enough))
         gone |= units[best.name]
         names.append(best.name)
@@ -186,7 +186,9 @@ def _quick_enough(
     return gone, choice, names
 
 
-def _units(found: Found, choice: Choice, without: Set[Candidate]) -> dict[str, set[Candidate]]:
+def _units(
+    found: SearchResult, choice: Choice, without: Set[Candidate]
+) -> dict[str, set[Candidate]]:
     """Return what can be left out to save time, by name: all on a set of features, all forests of a
     kind, or a network; nothing without which no candidate would be left.
     """

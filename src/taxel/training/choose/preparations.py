@@ -176,7 +176,7 @@ def _all_rows(whole: Dataset, usable: Dataset) -> NDArray[np.intp]:
 
 
 def _without_a_row(whole: Dataset, usable: Dataset, target: str) -> tuple[str, ...]:
-    """Return what must be said of trials that are left out, as no scan of theirs is usable."""
+    """Return a warning on trials that are left out, as no scan of theirs is usable."""
     known = {(trial.recording, trial.start_s) for trial in usable.trials}
     labelled = [with_joined_label(trial, target) for trial in whole.trials]
     lost = [own for own in labelled
@@ -190,7 +190,7 @@ def _without_a_row(whole: Dataset, usable: Dataset, target: str) -> tuple[str, .
 
 
 def _constant(dataset: Dataset) -> tuple[str, ...]:
-    """Return what must be said of channels that never change.
+    """Return a warning on channels that never change.
 
     Raises:
         BadDataset: None changes.
@@ -262,7 +262,7 @@ def _within_marks(plain: WindowConfig, longest: int, shortest: int) -> list[Wind
 
 
 def live_note(base: Base, config: WindowConfig) -> tuple[str, ...]:
-    """Return what must be said of windows that live scans are cut into otherwise than these trials.
+    """Return a warning on windows that live scans are cut into otherwise than these trials.
 
     Args:
         base: The recordings.

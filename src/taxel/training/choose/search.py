@@ -71,7 +71,7 @@ class Effort:
 
 def choose(
     base: Base, prepared: Sequence[Prepared], train: Sequence[int], held: Held, effort: Effort
-) -> Found:
+) -> SearchResult:
     """Find what does best on the inner folds of some training trials.
 
     Args:
@@ -104,7 +104,7 @@ def choose(
     linear = ranked["linear"] or list(sets)
     finer = second_round(ranked["discriminant"] or linear, linear, ranked["trees"] or linear)
     search.try_all(part, finer, sets)
-    return Found(base, part, tuple(search.all), tuple(search.left_out), sets, held, behind)
+    return SearchResult(base, part, tuple(search.all), tuple(search.left_out), sets, held, behind)
 
 
 def _quick_enough(part: Part, effort: Effort) -> Part:
@@ -302,8 +302,8 @@ def out_of_fold(
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """All that was tried, from which a blend is made."""
+class SearchResult:
+    """Every candidate that was tried, from which a blend is chosen."""
 
     base: Base
     part: Part

@@ -26,7 +26,7 @@ from taxel.training.encoder.videos import TouchVideo
 
 @dataclass(frozen=True, slots=True)
 class StoredEncoder:
-    """What is written of an encoder."""
+    """An encoder's weights and the description stored in the file's head."""
 
     tensors: dict[str, Tensor]
     about: About
@@ -34,7 +34,7 @@ class StoredEncoder:
 
 @dataclass(frozen=True, slots=True)
 class ReadEncoder:
-    """An encoder to begin from, and what it saw."""
+    """A stored encoder's weights, and the card of the data it was pretrained on."""
 
     tensors: dict[str, Tensor]
     card: Mapping[str, object]

@@ -65,7 +65,7 @@ def label_sheet(
     cache: Path,
     on_progress: Callable[[Progress], None] = lambda _: None,
 ) -> list[PourLabels]:
-    """Return what is said of each pour.
+    """Return each pour's labels, by every rule that its data allow, and a person's corrections.
 
     Args:
         pours: The recordings.

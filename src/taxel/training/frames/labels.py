@@ -85,7 +85,7 @@ def frame_labels(
 
 
 def rule_labels(pour: CameraRecording, rule: str, signal: NDArray[np.float32]) -> NDArray[np.int8]:
-    """Return what a rule itself says of each frame, shape (n,), whatever a person says.
+    """Return a rule's own label of each frame, shape (n,), without a person's corrections.
 
     Args:
         pour: The recording.

@@ -328,7 +328,7 @@ def keep_runs(
     runs: Sequence[PourRun],
     follow: Callable[[Sequence[PourRun]], list[PourRows]] = seen_pours,
 ) -> list[PourRows]:
-    """Return the poses of some runs, from a file where it is there, else into it.
+    """Return the poses of some runs; read from `path`, or followed and written there.
 
     Poses that an earlier version of taxel kept, or that are damaged, are found anew.
 

@@ -58,7 +58,7 @@ class Pass:
         self._cookie = secrets.token_urlsafe(32)
 
     def admits(self, token: str) -> bool:
-        """Return whether this is the token, in a time that does not depend on how much of it is."""
+        """Return whether this is the token; compared in constant time."""
         return hmac.compare_digest(token.encode("utf-8", "replace"), self.token.encode())
 
     def set_cookie(self, name: str) -> str:

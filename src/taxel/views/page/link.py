@@ -108,10 +108,10 @@ class StationLink(Protocol):
 
 @runtime_checkable
 class PersonLog(Protocol):
-    """What a link can do besides that logs what a person does."""
+    """A page link that can log a person's reactions."""
 
     def react(self, what: str) -> str:
-        """Log what a person did about the grasp, or what came of it; return "" or why not.
+        """Log a person's reaction to the grasp, or its outcome; return "" or why not.
 
         Args:
             what: A word of `trial_log.REACTIONS` or `OUTCOMES`.
@@ -121,7 +121,7 @@ class PersonLog(Protocol):
 
 @runtime_checkable
 class PlanSteps(Protocol):
-    """What a link of a plan of trials can do besides: go on with it."""
+    """A page link that can step a plan of trials on."""
 
     def step(self, what: str) -> str:
         """Take a person's word how the plan goes on; return "" or why not.

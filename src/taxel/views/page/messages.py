@@ -58,7 +58,7 @@ class Record:
 
 @dataclass(frozen=True, slots=True)
 class React:
-    """A person says what they did about the grasp, or what came of it."""
+    """A person's reaction to a grasp, or its outcome; a word of `trial_log`."""
 
     what: str
 

@@ -14,7 +14,7 @@ _BEAT_S = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationPage:
-    """What is shown, and where."""
+    """The job of the process that serves the operator's page of a station."""
 
     place: Place
     view: ViewConfig

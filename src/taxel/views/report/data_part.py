@@ -57,7 +57,7 @@ def card_of_recordings(card: DataCard, run: Run | None) -> Html:
 
 
 def card_of_run(run: Run) -> Html:
-    """Return what a run alone says of its data, where the recordings are not at hand."""
+    """Return a data card from the run alone, where the recordings are not at hand."""
     contract, found = run.contract, run.predictions
     units = ", ".join(sorted(set(contract.units)))
     rows: list[tuple[object, object]] = [

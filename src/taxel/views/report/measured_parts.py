@@ -12,7 +12,7 @@ from typing import Any
 
 from taxel.errors import BadInput
 from taxel.evaluation.cards.latency import NetworkLatency
-from taxel.training.environment import Made
+from taxel.training.environment import Provenance
 from taxel.views.report.charts import Axis, Line, line_chart
 from taxel.views.report.page import Html, band, colour, figure, join, key, percent, table, tag
 
@@ -173,7 +173,7 @@ def _unchanged(clean: SweepPoint, own: list[SweepPoint], ends: tuple[float, floa
     return Line(name="unchanged", x=x, y=y, colour="var(--grey)")
 
 
-def environment_part(made: Mapping[str, Made]) -> Html:
+def environment_part(made: Mapping[str, Provenance]) -> Html:
     """Return versions, processor and commit, a column each where they differ.
 
     Args:

@@ -100,7 +100,7 @@ def accuracies(
 
 
 def _lone(judged: RunScores) -> str | None:
-    """Return what must be said of intervals within one session, if they are such."""
+    """Return a warning on intervals within one session, if they are such."""
     said = only_one(judged.lone, judged.group)
     return said and f"{said[0].upper()}{said[1:]}."
 

@@ -18,7 +18,7 @@ from taxel.evaluation.cards.latency import NetworkLatency
 from taxel.evaluation.paired import compare_runs
 from taxel.evaluation.run_scores import RunScores, judge
 from taxel.recordings.trial_log import GraspTrial
-from taxel.training.environment import Made
+from taxel.training.environment import Provenance
 from taxel.training.run import Run
 from taxel.views.report.audit_part import audit_part
 from taxel.views.report.data_part import card_of_recordings, card_of_run, drawn_split
@@ -65,7 +65,7 @@ class RunPage:
     """Log → its grasps."""
     tables: Mapping[str, Any] = field(default_factory=dict)
     """File → parsed JSON of `taxel reproduce`."""
-    made: Made = Made()  # noqa: RUF009  # frozen
+    made: Provenance = Provenance()  # noqa: RUF009  # frozen
     """How this page is made."""
 
 
@@ -145,23 +145,11 @@ def _sections(page: RunPage, judged: Mapping[str, RunScores]) -> list[tuple[str,
                  (list(own.values()) for own in alike) if run.predictions is not None]  # fmt: skip
         parts.append(("split", "Split", join(drawn)))
     if page.audits:
-        parts.append(
-            (
-                "audit",
-                "Audit",
-                join(
-                    [
-                        join(
-                            [
-                                tag("h3", split_name(audit.split)) if audit.split else "",
-                                audit_part(audit),
-                            ]
-                        )
-                        for audit in page.audits
-                    ]
-                ),
-            )
-        )
+        audits = [
+            join([tag("h3", split_name(audit.split)) if audit.split else "", audit_part(audit)])
+            for audit in page.audits
+        ]
+        parts.append(("audit", "Audit", join(audits)))
     if alike:
         inside = [accuracies(own, judged, inks) for own in alike]
         inside.append(published_beside({n: r for n, r in page.runs.items() if n in judged}, judged))

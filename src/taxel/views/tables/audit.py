@@ -22,7 +22,7 @@ SHOWN = 12
 
 
 def audit_table(found: Audit, *, everything: bool = False) -> RenderableType:
-    """Return an audit for a stranger to read.
+    """Return an audit for the terminal: its verdict, then a table of findings.
 
     Args:
         found: What `audit` gave.

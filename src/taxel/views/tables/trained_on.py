@@ -11,7 +11,7 @@ from taxel.plain_text import visible
 
 
 def trained_on_line(names: Sequence[str], what: str, *, known: bool) -> str | None:
-    """Return what must be said where a bundle was, or may have been, trained on what it scores.
+    """Return a warning where a bundle was, or may have been, trained on what it scores.
 
     Args:
         names: Those of them that it was trained on.

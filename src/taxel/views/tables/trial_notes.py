@@ -1,4 +1,4 @@
-"""What must be said beside the scores of camera trials: short ones, still ones, idle controls.
+"""Notes beside the scores of camera trials: short ones, still ones, idle controls.
 
 Knows nothing about how anything was made or is drawn.
 """
@@ -65,7 +65,7 @@ def trial_notes(trials: TrialSet) -> list[str]:
 
 
 def control_warnings(results: Sequence[TrialResult]) -> list[str]:
-    """Return what must be said where a control is as good as the recogniser; empty otherwise.
+    """Return a warning where a control is as good as the recogniser; empty otherwise.
 
     Args:
         results: Of the recogniser first; controls are those that leak.

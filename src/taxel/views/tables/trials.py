@@ -76,7 +76,7 @@ def trial_tables(
 
 
 def _too_few(split: TrialSplit, trials: TrialSet) -> str:
-    """Return what must be said where so few groups are tested that no difference can be claimed."""
+    """Return a warning where so few groups are tested that no difference can be claimed."""
     tested = {row for fold in split.folds for row in fold.test_rows.tolist()}
     groups = {trials.groups[row].get(split.group, str(row)) for row in tested}
     least = smallest_p(len(groups))

@@ -35,5 +35,5 @@ def depth_cameras(paths: Sequence[Path]) -> list[str]:
 
 
 def depth_line(names: Sequence[str]) -> str:
-    """Return what is said of cameras that are left out."""
+    """Return a note on depth cameras, which are left out."""
     return f"left out: {', '.join(names)}: depth has 16 bits; export ros2 and parquet keep it"

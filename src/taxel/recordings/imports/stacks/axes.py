@@ -33,7 +33,7 @@ _USUAL: dict[bool, dict[int, tuple[tuple[str, ...], ...]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Axes:
-    """What each axis of an array is."""
+    """The meaning of each axis of an array, such as trials, rows and channels, in order."""
 
     words: tuple[str, ...]
 

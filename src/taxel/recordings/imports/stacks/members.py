@@ -23,7 +23,7 @@ _ANYTHING = r"([^/.@]*)"
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """One array that holds a trial, or all of them."""
+    """One array of a file: it holds one trial, or the stack of all trials."""
 
     name: str
     cell: int | None

@@ -1,8 +1,8 @@
-"""What a student learns from on a graphics card: copies are changed anew each time they are shown.
+"""A transfer set on a graphics card: copies are changed anew each time they are shown.
 
 Images as the camera gave them lie on the card; it draws the copies, and the teacher answers them
 there, so that no answer has to be kept. On a processor answers cost too much to be given twice:
-see `lessons`. Knows nothing about the student.
+see `transfer_set`. Knows nothing about the student.
 
 Background of our choices: docs/decisions/0057.
 """
@@ -22,7 +22,6 @@ from torch.nn import functional
 from taxel.errors import BadDataset
 from taxel.models.torch_engine import TorchEngine
 from taxel.side_by_side import SideBySide
-from taxel.training.backbones.lessons import LessonConfig
 from taxel.training.backbones.touch_images import (
     BLUR_PX,
     BLURRED,
@@ -36,12 +35,13 @@ from taxel.training.backbones.touch_images import (
     TURN_DEG,
     ImageSource,
 )
+from taxel.training.backbones.transfer_set import TransferConfig
 
 _RADIUS_PX = 8
 """Of a blur's kernel: four times its largest deviation."""
 
 
-class FreshLessons:
+class FreshTransferSet:
     """Images on a device, with the teacher that answers them.
 
     Args:
@@ -52,7 +52,7 @@ class FreshLessons:
     """
 
     def __init__(
-        self, images: NDArray[np.uint8], teacher: TorchEngine, key: str, config: LessonConfig
+        self, images: NDArray[np.uint8], teacher: TorchEngine, key: str, config: TransferConfig
     ) -> None:
         whole = hashlib.sha256(f"{key} {config}".encode())
         whole.update(np.ascontiguousarray(images).data)
@@ -98,10 +98,10 @@ def gather_fresh(
     videos: Sequence[ImageSource],
     teacher: TorchEngine,
     key: str,
-    config: LessonConfig,
+    config: TransferConfig,
     on_images: Callable[[int], None] = lambda _: None,
-) -> FreshLessons:
-    """Return lessons whose images lie on the teacher's device.
+) -> FreshTransferSet:
+    """Return a transfer set whose images lie on the teacher's device.
 
     Args:
         videos: Where images come from.
@@ -124,7 +124,7 @@ def gather_fresh(
         on_images(len(found) * config.copies)
     if not found:
         raise BadDataset("videos with images", "none", "give other recordings")
-    return FreshLessons(np.stack(found), teacher, key, config)
+    return FreshTransferSet(np.stack(found), teacher, key, config)
 
 
 def changed_there(images: Tensor, draw: torch.Generator) -> Tensor:

@@ -1,6 +1,6 @@
-"""Camera trials given to a verb of arrays: the verb for trials takes them.
+"""`taxel train` and `taxel evaluate` given camera trials: the verbs for camera trials run instead.
 
-Only looks at what the words name, and which options the verb for trials has.
+Looks only at which files the words name, and which options the verbs for camera trials have.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from taxel.cli.options.rules import typed_options
 from taxel.errors import BadInput
 
 VERBS_OF_TRIALS = {"train": "train-trials", "evaluate": "evaluate-trials"}
-"""Verb of arrays → that of camera trials."""
+"""Verb for recordings of an array → the verb for camera trials."""
 
 
-def trial_door(verb: str, words: Sequence[str]) -> str:
-    """Return the verb that suits what the words name.
+def verb_for_data(verb: str, words: Sequence[str]) -> str:
+    """Return the verb for the kind of data that the words name: camera trials, or any other.
 
     Args:
-        verb: As typed.
+        verb: The verb that was typed.
         words: What was typed behind it.
     """
     if verb not in VERBS_OF_TRIALS:
@@ -31,45 +31,45 @@ def trial_door(verb: str, words: Sequence[str]) -> str:
     return verb
 
 
-def takes_option(door: str, option: str) -> bool:
-    """Return whether a verb for camera trials has an option; False of any other verb.
+def takes_option(verb: str, option: str) -> bool:
+    """Return whether a verb for camera trials has an option; False for any other verb.
 
     Args:
-        door: The verb.
+        verb: The verb.
         option: Without dashes.
     """
-    return door in VERBS_OF_TRIALS.values() and option in _options(door)
+    return verb in VERBS_OF_TRIALS.values() and option in _options(verb)
 
 
-def refuse_options_of_arrays(verb: str, door: str, words: Sequence[str]) -> None:
+def refuse_options_of_arrays(typed: str, verb: str, words: Sequence[str]) -> None:
     """Refuse options of a verb of arrays that the verb for camera trials does not have.
 
     Args:
-        verb: As typed.
-        door: The verb that suits what the words name.
+        typed: The verb that was typed.
+        verb: The verb that runs instead, or the same one.
         words: What was typed behind it.
 
     Raises:
         BadInput: There is such an option.
     """
-    if door == verb or VERBS_OF_TRIALS.get(verb) != door:
+    if verb == typed or VERBS_OF_TRIALS.get(typed) != verb:
         return
-    typed = [name for name in typed_options(words) if name != "help"]
-    lacking = [f"--{name}" for name in typed if not takes_option(door, name.removeprefix("no-"))]
+    options = [name for name in typed_options(words) if name != "help"]
+    lacking = [f"--{name}" for name in options if not takes_option(verb, name.removeprefix("no-"))]
     if lacking:
         raise BadInput(
-            f"options of taxel {door}, which takes camera trials as these are",
+            f"options of taxel {verb}, which takes camera trials as these are",
             f"{' and '.join(lacking)}, which it does not have",
-            f"leave out what is of arrays only, and see taxel {door} --help",
+            f"leave out what is of arrays only, and see taxel {verb} --help",
         )
 
 
-def _options(door: str) -> set[str]:
+def _options(verb: str) -> set[str]:
     from taxel.cli.evaluation.evaluate_trials import EvaluateTrials
     from taxel.cli.options.trials import TrialOptions
     from taxel.cli.training.train_trials import TrainTrials
 
-    own = TrainTrials if door == "train-trials" else EvaluateTrials
+    own = TrainTrials if verb == "train-trials" else EvaluateTrials
     names = {field.name for kind in (own, TrialOptions) for field in fields(kind)}
     return {name.replace("_", "-") for name in names}
 

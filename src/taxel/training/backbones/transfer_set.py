@@ -1,4 +1,4 @@
-"""What a student learns from: images, changed copies of them, and a teacher's answers to each.
+"""The transfer set of a distillation: images, changed copies of them, and a teacher's answers.
 
 Copies are drawn once, so that the teacher answers once; its answers are kept in the cache by the
 images' contents, and a call that was broken off goes on there. Images at the student's size lie in
@@ -81,7 +81,7 @@ class ImageFile:
 
 
 @dataclass(frozen=True, slots=True)
-class Lessons:
+class TransferSet:
     """Images with the teacher's answers."""
 
     images: NDArray[np.uint8] | ImageFile
@@ -120,26 +120,26 @@ class Lessons:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LessonConfig:
-    """Which images."""
+class TransferConfig:
+    """Which images a transfer set holds, and at what size."""
 
     side_px: int
     """Height and width for the student, pixels."""
     frames: int = 2
     """Images of one video."""
     copies: int = 3
-    """Of each image: itself, and changed ones."""
+    """Of each image: itself, and `copies` − 1 changed ones."""
     seed: int = 0
     """Of the changes."""
 
 
-def gather_lessons(
+def gather_transfer_set(
     videos: Sequence[ImageSource],
     teacher: Extractor,
-    config: LessonConfig,
+    config: TransferConfig,
     cache: Path,
     on_images: Callable[[int], None] = lambda _: None,
-) -> Lessons:
+) -> TransferSet:
     """Return images with a teacher's answers.
 
     Args:
@@ -155,7 +155,7 @@ def gather_lessons(
         RecordingFailed: The disk refused.
     """
     side = config.side_px
-    small = ImageFile(side, cache / "lessons")
+    small = ImageFile(side, cache / "examples")
     answers: list[NDArray[np.float32]] = []
     plain: list[bool] = []
     for chunk in _chunks(_copies(videos, config)):
@@ -167,10 +167,10 @@ def gather_lessons(
         on_images(len(plain))
     if not plain:
         raise BadDataset("videos with images", "none", "give other recordings")
-    return Lessons(small, np.concatenate(answers), np.array(plain))
+    return TransferSet(small, np.concatenate(answers), np.array(plain))
 
 
-def _copies(videos: Sequence[ImageSource], config: LessonConfig) -> Iterator[tuple[Image, bool]]:
+def _copies(videos: Sequence[ImageSource], config: TransferConfig) -> Iterator[tuple[Image, bool]]:
     most = os.cpu_count() or 1
     beside = SideBySide(most)
     numbered = list(enumerate(videos))
@@ -180,7 +180,7 @@ def _copies(videos: Sequence[ImageSource], config: LessonConfig) -> Iterator[tup
             yield from copies
 
 
-def _copies_of(number: int, video: ImageSource, config: LessonConfig) -> list[tuple[Image, bool]]:
+def _copies_of(number: int, video: ImageSource, config: TransferConfig) -> list[tuple[Image, bool]]:
     draw = np.random.default_rng([19, config.seed, number])
     copies = []
     for image in video.images(config.frames):

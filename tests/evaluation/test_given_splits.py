@@ -15,10 +15,10 @@ from taxel.decisions.recognition import UNKNOWN
 from taxel.errors import BadDataset, BadSplit, BadTable
 from taxel.evaluation.bundle_scores import score_bundle
 from taxel.evaluation.checked import Checked, check_recipe
-from taxel.evaluation.kept_folds import Keeping
+from taxel.evaluation.kept_folds import FoldStore
 from taxel.evaluation.paired import compare_predictions
 from taxel.evaluation.run_scores import judge, only_one
-from taxel.evaluation.table_split import Elsewhere, split_elsewhere, training_part
+from taxel.evaluation.table_split import GivenSplit, split_elsewhere, training_part
 from taxel.labels.class_order import in_order
 from taxel.training.final import train_on_all
 from taxel.views.tables.parts import bundle_score_table
@@ -48,7 +48,7 @@ def table(pads: Path) -> Path:
 @pytest.fixture(scope="module")
 def bundle(pads: Path, table: Path) -> Bundle:
     """One that was trained on the table's training part."""
-    given = Elsewhere(table=table)
+    given = GivenSplit(table=table)
 
     def part(dataset: Dataset) -> Dataset:
         return training_part(pads, dataset, RECIPE.target, given)
@@ -60,13 +60,13 @@ def bundle(pads: Path, table: Path) -> Bundle:
     return read_bundle(path)
 
 
-def checked(pads: Path, given: Elsewhere, **more: object) -> Checked:
+def checked(pads: Path, given: GivenSplit, **more: object) -> Checked:
     return check_recipe(pads, RECIPE, bars=(), given=given, **more)  # type: ignore[arg-type]
 
 
 def test_a_table_trains_on_its_training_part_only(pads: Path, table: Path) -> None:
     """Four trials of one session are tested, four learned from, four set aside to choose by."""
-    found = checked(pads, Elsewhere(table=table))
+    found = checked(pads, GivenSplit(table=table))
     trained = found.predictions.trained[0] > 0
     sessions = np.array([trial.groups["session"] for trial in found.dataset.trials])
 
@@ -79,7 +79,7 @@ def test_a_table_trains_on_its_training_part_only(pads: Path, table: Path) -> No
 
 def test_every_class_and_group_has_its_accuracy(pads: Path, table: Path) -> None:
     """Parts of the test add up to the whole; classes that are numbers stand as numbers."""
-    pooled = checked(pads, Elsewhere(table=table)).pooled
+    pooled = checked(pads, GivenSplit(table=table)).pooled
     assert pooled.parts is not None
 
     assert [part.name for part in pooled.parts.classes] == ["2", "10"]
@@ -90,7 +90,7 @@ def test_every_class_and_group_has_its_accuracy(pads: Path, table: Path) -> None
 
 def test_a_folder_to_test_on_is_tested_and_never_trained(pads: Path, others: Path) -> None:
     """Files that are called alike are other trials."""
-    found = checked(pads, Elsewhere(test=others))
+    found = checked(pads, GivenSplit(test=others))
     tested = {found.dataset.trials[i].recording for i in found.predictions.trial}
 
     assert tested == {f"test/s1_{name}_{n}.mcap" for name in ("2", "10") for n in (0, 1)}
@@ -103,37 +103,37 @@ def test_a_folder_to_test_on_is_tested_and_never_trained(pads: Path, others: Pat
 def test_the_very_recordings_cannot_be_tested_too(pads: Path) -> None:
     """The same values under whatever name are refused in one line."""
     with pytest.raises(BadDataset, match="which holds the values of s1_10_0"):
-        checked(pads, Elsewhere(test=pads))
+        checked(pads, GivenSplit(test=pads))
 
 
 def test_a_table_and_a_folder_exclude_each_other(pads: Path, table: Path) -> None:
     with pytest.raises(BadSplit, match="got both"):
-        checked(pads, Elsewhere(table=table, test=pads))
+        checked(pads, GivenSplit(table=table, test=pads))
 
 
 def test_a_changed_table_is_not_answered_from_kept_folds(
     pads: Path, table: Path, tmp_path: Path
 ) -> None:
     """Folds of a run that was broken off are of its own sides only."""
-    checked(pads, Elsewhere(table=table), keep=Keeping(tmp_path / "kept"))
-    assert checked(pads, Elsewhere(table=table), keep=Keeping(tmp_path / "kept")).kept == 1
+    checked(pads, GivenSplit(table=table), keep=FoldStore(tmp_path / "kept"))
+    assert checked(pads, GivenSplit(table=table), keep=FoldStore(tmp_path / "kept")).kept == 1
     other = tmp_path / "folds.csv"
     other.write_text("group:session,side\ns2,train\ns3,test\n")
 
-    assert checked(pads, Elsewhere(table=other), keep=Keeping(tmp_path / "kept")).kept == 0
+    assert checked(pads, GivenSplit(table=other), keep=FoldStore(tmp_path / "kept")).kept == 0
 
 
 @pytest.mark.slow
 def test_comparators_are_fitted_once_for_a_data_set_and_split(pads: Path, tmp_path: Path) -> None:
     """Another model on the same folds takes them from the cache; another split does not."""
     bars = ("extra-trees",)
-    first = check_recipe(pads, RECIPE, folds=3, bars=bars, keep=Keeping(cache=tmp_path))
+    first = check_recipe(pads, RECIPE, folds=3, bars=bars, keep=FoldStore(cache=tmp_path))
     other = replace(RECIPE, train=replace(RECIPE.train, epochs=2))
-    second = check_recipe(pads, other, folds=3, bars=bars, keep=Keeping(cache=tmp_path))
+    second = check_recipe(pads, other, folds=3, bars=bars, keep=FoldStore(cache=tmp_path))
 
     assert (first.cached, second.cached) == (0, 3)
     assert second.bars["extra-trees"] == first.bars["extra-trees"]
-    assert check_recipe(pads, other, folds=2, bars=bars, keep=Keeping(cache=tmp_path)).cached == 0
+    assert check_recipe(pads, other, folds=2, bars=bars, keep=FoldStore(cache=tmp_path)).cached == 0
 
 
 def test_a_bundle_is_scored_by_window_trial_class_and_group(bundle: Bundle, others: Path) -> None:
@@ -174,7 +174,7 @@ def test_a_table_of_groups_is_resampled_by_the_group_that_it_holds_out(tmp_path:
     folder = make_pads(tmp_path / "pads", (1, 2))
     table = tmp_path / "objects.csv"
     table.write_text("group:object,side\n2-0,train\n10-0,train\n2-1,test\n10-1,test\n")
-    found = checked(folder, Elsewhere(table=table))
+    found = checked(folder, GivenSplit(table=table))
     judged = judge(found.predictions)
 
     assert found.pooled.split == "objects.csv, object held out"
@@ -187,7 +187,7 @@ def test_a_single_tested_session_says_nothing_about_others(
     pads: Path, table: Path, others: Path, bundle: Bundle
 ) -> None:
     """A run, a comparison and a bundle's score each say so beside their interval."""
-    found = checked(pads, Elsewhere(table=table)).predictions
+    found = checked(pads, GivenSplit(table=table)).predictions
     judged, scored = judge(found), score_bundle(bundle, others)
     paired = compare_predictions(found, found, "level")
     console = Console(width=120, record=True, file=StringIO())
@@ -197,7 +197,7 @@ def test_a_single_tested_session_says_nothing_about_others(
     assert only_one(judged.lone, judged.group) == ONE_SESSION
     assert "Only one session was tested" in paired.verdict
     assert ONE_SESSION in console.export_text()
-    assert only_one(judge(checked(pads, Elsewhere()).predictions).lone, "session") is None
+    assert only_one(judge(checked(pads, GivenSplit()).predictions).lone, "session") is None
 
 
 def test_objects_that_a_table_puts_on_both_sides_are_counted(pads: Path, tmp_path: Path) -> None:
@@ -208,9 +208,9 @@ def test_objects_that_a_table_puts_on_both_sides_are_counted(pads: Path, tmp_pat
         "recording,side\n" + "".join(f"{n},{'test' if n[:2] == 's3' else 'train'}\n" for n in names)
     )
     dataset = load_dataset(pads, RECIPE.window)
-    notes = split_elsewhere(pads, dataset, RECIPE.target, Elsewhere(table=folds))[0].notes
+    notes = split_elsewhere(pads, dataset, RECIPE.target, GivenSplit(table=folds))[0].notes
     folds.write_text("group:session,side\ns1,train\ns2,train\ns3,test\n")
-    silent = split_elsewhere(pads, dataset, RECIPE.target, Elsewhere(table=folds))[0].notes
+    silent = split_elsewhere(pads, dataset, RECIPE.target, GivenSplit(table=folds))[0].notes
 
     assert [note for note in notes if "4 of 4 tested objects are on both sides" in note]
     assert not [note for note in silent if "both sides" in note]
@@ -224,7 +224,7 @@ def test_a_moment_that_no_trial_holds_is_refused_whoever_reads_the_table(
     folds.write_text("recording,start_s,side\ns1_2_0,,train\ns2_10_0,,train\n"
                      "s3_2_0,9999,test\ns3_10_0,,test\n")  # fmt: skip
     with pytest.raises(BadTable, match=r"as s3_2_0 lasts; got 9999 s in folds\.csv, line 4"):
-        checked(pads, Elsewhere(table=folds))
+        checked(pads, GivenSplit(table=folds))
     folds.write_text("recording,start_s,side\nnowhere,5,train\ns3_2_0,9999,test\n")
     with pytest.raises(BadTable, match=r"got 9999 s in folds\.csv, line 3; give start_s on"):
         score_bundle(bundle, pads, folds=folds)

@@ -1,5 +1,4 @@
-"""A trained run on recordings that were not part of it: its predictions, to be compared with
-another's.
+"""A trained run's predictions for recordings that it has not learned from, to compare two runs.
 
 Knows nothing about how runs are compared.
 """
@@ -22,7 +21,7 @@ from taxel.windows.dataset import LABEL_THEM, load_dataset, only_labelled
 
 
 def predictions_on(run: Run, folder: Path) -> tuple[Predictions, tuple[str, ...]]:
-    """Return what a run says of each labelled window of a folder, and notes of what was left out.
+    """Return a run's predictions for a folder's labelled windows, and notes on what was left out.
 
     Args:
         run: A run with weights, trained on values as measured.

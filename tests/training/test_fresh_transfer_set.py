@@ -1,4 +1,4 @@
-"""Lessons whose copies are drawn where the student learns: a processor stands in for the card."""
+"""Images whose copies are drawn where the student learns: a processor stands in for the card."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from torch import Tensor, nn
 
 from taxel.errors import BadDataset
 from taxel.models.torch_engine import TorchEngine
-from taxel.training.backbones import fresh_lessons
-from taxel.training.backbones.fresh_lessons import changed_there, gather_fresh
-from taxel.training.backbones.lessons import LessonConfig
+from taxel.training.backbones import fresh_transfer_set
+from taxel.training.backbones.fresh_transfer_set import changed_there, gather_fresh
 from taxel.training.backbones.touch_images import ImageSource, changed
+from taxel.training.backbones.transfer_set import TransferConfig
 
-CONFIG = LessonConfig(side_px=32, frames=2, copies=3, seed=1)
+CONFIG = TransferConfig(side_px=32, frames=2, copies=3, seed=1)
 CPU = torch.device("cpu")
 
 
@@ -45,9 +45,9 @@ def video(number: int) -> ImageSource:
 
 
 def test_the_first_copy_is_the_image_itself_and_each_is_answered_as_it_is_shown() -> None:
-    lessons = gather_fresh([video(0), video(1)], TorchEngine(Colours(), CPU), "colours", CONFIG)
-    assert len(lessons) == 12
-    images, answers = lessons.take(np.arange(12), 0)
+    examples = gather_fresh([video(0), video(1)], TorchEngine(Colours(), CPU), "colours", CONFIG)
+    assert len(examples) == 12
+    images, answers = examples.take(np.arange(12), 0)
     assert images.shape == (12, 3, 32, 32)
     for row in (0, 3, 6, 9):
         wanted = image(row // 3).mean(axis=(0, 1))
@@ -56,8 +56,8 @@ def test_the_first_copy_is_the_image_itself_and_each_is_answered_as_it_is_shown(
 
 
 def test_copies_are_others_in_another_epoch_and_the_same_in_the_same() -> None:
-    lessons = gather_fresh([video(0)], TorchEngine(Colours(), CPU), "colours", CONFIG)
-    first, again, other = (lessons.take(np.arange(6), epoch)[0] for epoch in (0, 0, 1))
+    examples = gather_fresh([video(0)], TorchEngine(Colours(), CPU), "colours", CONFIG)
+    first, again, other = (examples.take(np.arange(6), epoch)[0] for epoch in (0, 0, 1))
     assert torch.equal(first, again)
     assert torch.equal(first[::3], other[::3])
     assert not any(torch.equal(first[row], other[row]) for row in (1, 2, 4, 5))
@@ -66,8 +66,8 @@ def test_copies_are_others_in_another_epoch_and_the_same_in_the_same() -> None:
 
 @pytest.mark.parametrize("part", [[0], [0, 3], [3, 9]])
 def test_a_part_may_hold_no_changed_copy(part: list[int]) -> None:
-    lessons = gather_fresh([video(0), video(1)], TorchEngine(Colours(), CPU), "colours", CONFIG)
-    images, _ = lessons.take(np.array(part), 0)
+    examples = gather_fresh([video(0), video(1)], TorchEngine(Colours(), CPU), "colours", CONFIG)
+    images, _ = examples.take(np.array(part), 0)
     assert len(images) == len(part)
 
 
@@ -77,7 +77,7 @@ def test_a_sum_tells_other_images_and_settings_apart() -> None:
         gather_fresh(videos, engine, key, config).digest()
         for videos in ([video(0)], [video(1)])
         for key in ("a", "b")
-        for config in (CONFIG, LessonConfig(side_px=32, frames=2, copies=3, seed=2))
+        for config in (CONFIG, TransferConfig(side_px=32, frames=2, copies=3, seed=2))
     }
     assert len(sums) == 8
 
@@ -94,7 +94,7 @@ def still(monkeypatch: pytest.MonkeyPatch, **kept: object) -> None:
                               "COLOUR": 0.0, "CONTRAST": 0.0, "NEGATIVE": 0.0, "BLURRED": 0.0,
                               "NOISE": 0.0}  # fmt: skip
     for name, value in (off | kept).items():
-        monkeypatch.setattr(fresh_lessons, name, value)
+        monkeypatch.setattr(fresh_transfer_set, name, value)
 
 
 def shown(count: int = 24, seed: int = 3) -> NDArray[np.uint8]:
@@ -121,7 +121,7 @@ def test_without_changes_only_sides_and_colours_are_exchanged(
 def test_turned_images_keep_their_distances(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pixels stay square: what lies 60 from the middle still does."""
     still(monkeypatch)
-    monkeypatch.setattr(fresh_lessons, "TURN_DEG", 90.0)
+    monkeypatch.setattr(fresh_transfer_set, "TURN_DEG", 90.0)
     dot = np.zeros((1, 240, 320, 3), np.uint8)
     dot[0, 118:123, 218:223] = 255  # 60.5 to the right of the middle
     for seed in range(12):

@@ -11,11 +11,11 @@ import pytest
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
-from taxel.training.backbones import lessons as lessons_module
-from taxel.training.backbones.lessons import LessonConfig, gather_lessons
+from taxel.training.backbones import transfer_set as transfer_set_module
 from taxel.training.backbones.touch_images import ImageSource, changed, find_videos, split_objects
+from taxel.training.backbones.transfer_set import TransferConfig, gather_transfer_set
 
-CONFIG = LessonConfig(side_px=32, frames=3, copies=2, seed=1)
+CONFIG = TransferConfig(side_px=32, frames=3, copies=2, seed=1)
 
 
 def _video(name: str, number: int = 0) -> ImageSource:
@@ -99,20 +99,20 @@ def test_a_changed_copy_is_another_image_of_the_same_size_and_the_same_one_for_t
 
 
 def test_each_image_comes_with_the_answer_to_it_as_the_teacher_saw_it(tmp_path: Path) -> None:
-    lessons = gather_lessons([_video("a"), _video("b", 1)], Teacher(), CONFIG, tmp_path)
+    examples = gather_transfer_set([_video("a"), _video("b", 1)], Teacher(), CONFIG, tmp_path)
 
-    assert lessons.images.shape == (12, 32, 32, 3)
-    assert lessons.plain.tolist() == [True, False] * 6
-    images = lessons.images[np.arange(12)]
-    assert np.abs(images.mean(axis=(1, 2)) - lessons.answers).max() < 8
-    assert np.array_equal(lessons.images[np.array([7, 2])], images[[7, 2]])
-    assert not list((tmp_path / "lessons").iterdir()), "its file has no name"
+    assert examples.images.shape == (12, 32, 32, 3)
+    assert examples.plain.tolist() == [True, False] * 6
+    images = examples.images[np.arange(12)]
+    assert np.abs(images.mean(axis=(1, 2)) - examples.answers).max() < 8
+    assert np.array_equal(examples.images[np.array([7, 2])], images[[7, 2]])
+    assert not list((tmp_path / "examples").iterdir()), "its file has no name"
 
 
 def test_answers_are_asked_for_once_and_a_call_that_was_broken_off_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lessons_module, "CHUNK", 4)
+    monkeypatch.setattr(transfer_set_module, "CHUNK", 4)
     videos = [_video("a"), _video("b", 1)]
 
     class Tired(Teacher):
@@ -122,12 +122,12 @@ def test_answers_are_asked_for_once_and_a_call_that_was_broken_off_goes_on(
             return super().of(images)
 
     with pytest.raises(RuntimeError):
-        gather_lessons(videos, Tired(), CONFIG, tmp_path)
+        gather_transfer_set(videos, Tired(), CONFIG, tmp_path)
     second, third = Teacher(), Teacher()
-    whole = gather_lessons(videos, second, CONFIG, tmp_path)
-    again = gather_lessons(videos, third, CONFIG, tmp_path)
+    whole = gather_transfer_set(videos, second, CONFIG, tmp_path)
+    again = gather_transfer_set(videos, third, CONFIG, tmp_path)
 
     assert (second.asked, third.asked) == (4, 0)
     assert whole.digest() == again.digest()
-    other = LessonConfig(side_px=32, frames=3, copies=2, seed=2)
-    assert gather_lessons(videos, Teacher(), other, tmp_path).digest() != whole.digest()
+    other = TransferConfig(side_px=32, frames=3, copies=2, seed=2)
+    assert gather_transfer_set(videos, Teacher(), other, tmp_path).digest() != whole.digest()

@@ -1,0 +1,118 @@
+"""What `taxel live` prints while a station runs, and what its keys do.
+
+Knows nothing about how a station is set up or what is printed of it at the end.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from rich.text import Text
+
+from taxel.cli.printing import console, say
+from taxel.plain_text import visible_line
+
+if TYPE_CHECKING:
+    from taxel.live.station.station import Station
+
+_COLOURS = {
+    "STABLE": "green", "WARNING": "yellow", "UNSTABLE": "red", "UNKNOWN": "magenta",
+    "NO GRASP": "dim", "STOP": "bold white on red", "NONE": "dim",
+    "NOT RECORDING": "bold white on red",
+}  # fmt: skip
+"""First words of an event → their colour."""
+_KEYS = "keys: q end · a acknowledge · n new grasp"
+_PERSON_KEYS = (
+    "what you did: s stopped pouring · p put down · g grip changed; "
+    "what came of it: h held · l slipped · x dropped"
+)
+_REACTIONS = {
+    "s": "pour stopped", "p": "put down", "g": "grip changed",
+    "h": "held", "l": "slipped", "x": "dropped",
+}  # fmt: skip
+"""Key → what a person says of the grasp."""
+_GRIP_KEYS = " · m arm · d disarm"
+
+
+def print_keys(*, acts: bool, watches: bool) -> None:
+    """Print which keys there are.
+
+    Args:
+        acts: There is a gripper or an output, which can be armed.
+        watches: A grasp is watched, so that a person may say what became of it.
+    """
+    say(_KEYS + (_GRIP_KEYS if acts else ""), style="dim")
+    if watches:
+        say(_PERSON_KEYS, style="dim")
+
+
+def press(key: str, station: Station) -> None:
+    """Do what a key stands for; other keys do nothing."""
+    if key == "q":
+        station.stop()
+    elif key == "a":
+        station.acknowledge()
+    elif key == "n":
+        station.new_grasp()
+    elif key in _REACTIONS:
+        station.react(_REACTIONS[key])
+    elif key == "d":
+        station.disarm()
+    elif key == "m":
+        causes = station.arm()
+        words = f"not armed: {causes[0]}" if causes else "armed"
+        station.say(words)
+
+
+class PrinterThread:
+    """Prints in a thread of its own: a terminal that stands still must not stop the supervisor."""
+
+    def __init__(self) -> None:
+        self._lines: queue.Queue[Text | None] = queue.Queue(maxsize=256)
+        self._thread = threading.Thread(target=self._run, name="taxel printer", daemon=True)
+        self._thread.start()
+
+    def say(self, line: Text) -> None:
+        """Print a line soon; drop it where too many wait."""
+        with suppress(queue.Full):
+            self._lines.put_nowait(line)
+
+    def close(self) -> None:
+        """Print what waits, for a second at most."""
+        with suppress(queue.Full):
+            self._lines.put(None, timeout=1.0)
+        self._thread.join(1.0)
+
+    def _run(self) -> None:
+        while (line := self._lines.get()) is not None:
+            console.print(line, soft_wrap=True)
+
+
+class EventLines:
+    """Prints each event of a station once, with its seconds since the first.
+
+    Args:
+        printer: What prints the lines.
+    """
+
+    def __init__(self, printer: PrinterThread) -> None:
+        self._printed = 0
+        self._began_s: float | None = None
+        self._printer = printer
+
+    def print_new(self, station: Station) -> None:
+        """Print the events since the last call."""
+        newest = station.events[-1][0] if station.events else 0
+        if newest == self._printed:
+            return
+        for number, time_s, text in station.events:
+            if number <= self._printed:
+                continue
+            self._began_s = time_s if self._began_s is None else self._began_s
+            colour = _COLOURS.get(text.partition(":")[0], "cyan")
+            when = f"{time_s - self._began_s:8.2f} s  "
+            self._printer.say(Text.assemble(when, (visible_line(text), colour)))
+        self._printed = newest

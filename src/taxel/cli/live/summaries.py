@@ -1,0 +1,96 @@
+"""What `taxel live` prints at the end: each recogniser's answers, and what a station went through.
+
+Knows nothing about how they were run.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from taxel.cli.printing import say
+from taxel.plain_text import visible
+
+if TYPE_CHECKING:
+    from taxel.live.station.station import Station
+
+
+def answers_lines(results: list[dict[str, Any]]) -> list[str]:
+    """Return how many windows of each recogniser had which answer."""
+    from taxel.live.station.answers import titles
+
+    lines = []
+    for title, result in zip(titles(results), results, strict=True):
+        each = ", ".join(f"{visible(name)} {count}" for name, count in result["answers"].items())
+        done = ", ".join(f"{visible(name)} {n}" for name, n in result["actions"].items())
+        to_do = f"; to do: {done}" if done else ""
+        lines.append(f"{title}: {result['windows']} windows: {each or 'none'}{to_do}")
+    return lines
+
+
+def trials_line(trials: list[dict[str, Any]]) -> str:
+    """Return in how many grasps an alarm came, the person did something, and what came of them."""
+    warned = sum(trial["alarm_s"] is not None for trial in trials)
+    done = sum(bool(trial["reaction"]) for trial in trials)
+    came = Counter(trial["outcome"] or "unknown" for trial in trials)
+    each = ", ".join(f"{count} {name}" for name, count in came.most_common())
+    many = f"{len(trials)} grasp{'' if len(trials) == 1 else 's'}"
+    return f"{many}: {warned} with an alarm, {done} with a reaction; {each}"
+
+
+def station_summary(station: Station) -> dict[str, Any]:
+    """Return what --json prints of a station: states, alarms, trials, losses and latencies."""
+    alarms = station.guard.alarms
+    return {
+        "state": station.guard.shown[0],
+        "events": [{"time_s": time_s, "text": text} for _, time_s, text in station.events],
+        "given_up": station.failed,
+        "answers": station.answers.summary(),
+        "alarms": alarms.as_json(),
+        "trials": [asdict(trial) for trial in station.person.trials],
+        "latency_ms": {
+            stage: dict(zip(("p50", "p95", "p99"), values, strict=True))
+            for stage, values in station.latencies.percentiles_ms().items()
+        },
+        "processes": station.ledger(),
+        "recording": station.recording,
+    }
+
+
+def print_station_summary(result: dict[str, Any]) -> None:
+    """Print what `station_summary` gave, in lines."""
+    from taxel.live.station.guard import NO_GRASP
+
+    for line in answers_lines(result["answers"]):
+        say(line)
+    counts = result["alarms"]["counts"]
+    if result["state"] != NO_GRASP or counts["raised"]:
+        say(f"alarms: {counts['raised']} raised, {counts['acknowledged']} acknowledged")
+    if result["trials"]:
+        say(trials_line(result["trials"]))
+    for name, process in result["processes"].items():
+        again = f", started {process['starts']} times" if process["starts"] > 1 else ""
+        if name == "recorder" and result["recording"].get("not_written"):
+            again = f", not written {result['recording']['not_written']}{again}"
+        say(
+            f"  {name}: {process['produced']} messages produced, {process['consumed']} received, "
+            f"{process['dropped']} lost{again}"
+        )
+    if result["latency_ms"]:
+        parts = [
+            f"{stage} {quantiles['p50']:.1f}" for stage, quantiles in result["latency_ms"].items()
+        ]
+        say(f"  median latency, ms: {' · '.join(parts)}")
+    recording = result["recording"]
+    if recording.get("error"):
+        say(recording["error"], style="red")
+    if recording.get("ledger"):
+        ledger = recording["ledger"]
+        parts = [f"{ledger['scans']} scans"] if ledger["scans"] else []
+        parts += [
+            f"{name} {camera['frames']} frames"
+            for name, camera in ledger.get("cameras", {}).items()
+        ]
+        what = "taken in" if recording.get("error") else f"recorded: {recording['path']}"
+        say(f"  {what}: {', '.join(parts)}")

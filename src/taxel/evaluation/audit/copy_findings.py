@@ -1,0 +1,235 @@
+"""What an audit says of copies: on both sides of a split, on one side, or anywhere in the data.
+
+Knows which trials are copies of each other; knows nothing about how that was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from taxel.evaluation.audit.case import Case
+from taxel.evaluation.audit.copies import ENOUGH, Pairs
+from taxel.evaluation.audit.evidence import trial_folds
+from taxel.evaluation.audit.finding import Finding
+from taxel.evaluation.audit.names import several
+from taxel.evaluation.audit.shared import Partners, looked_up
+from taxel.evaluation.audit.sides import Sides
+from taxel.evaluation.audit.touch_set import SESSIONS, Pieces, TouchSet
+from taxel.labels.trials import OBJECTS
+
+COPIES_UNKNOWN = Finding(
+    kind="duplicates", verdict="not checked",
+    said="Values change in so few steps that copies cannot be distinguished from chance.",
+    mend="record finer steps, longer trials or more channels",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _CopiesOnSides:
+    """Where a split puts the copies of the trials that it tests."""
+
+    partners: list[Partners]
+    """For each fold and each of its test pieces: the training pieces of trials that are copies of
+    the piece's trial."""
+    crossing: set[int]
+    """Tested trials of which a copy is in training."""
+    twice: set[int]
+    """Tested trials of which a copy is in the same test part."""
+    tested: int
+    """All tested trials."""
+
+
+def shared_copies(
+    case: Case, kind: str, pairs: Pairs, what: str, unseen: str = "", *, streams: bool = False
+) -> Finding:
+    """Return the finding on copies: across sides, on one side only, or anywhere.
+
+    Across the sides they are a leak. On one side nothing of a test trial is known in training, so
+    that they are a note. Without a split they are a hazard where a group that the recordings name
+    keeps all copies together, and a leak where none does.
+
+    Args:
+        case: The audit.
+        kind: Its name.
+        pairs: Trials that are copies of each other, each pair with how alike it is, 0…1.
+        what: What they are, such as "hold the same rows".
+        unseen: A sentence on what was not compared; empty where all was.
+        streams: They are windows of one stream that overlap, none of which is to be dropped.
+    """
+    touch = case.touch
+    thinned = max(touch.every.values(), default=1)
+    if thinned > 1:
+        unseen = f"One row of {thinned} is seen where files are large. {unseen}".rstrip()
+    if not pairs:
+        return _no_copies(kind, what, unseen)
+    examples = _examples(touch, pairs, "of the rows in common" if streams else "alike")
+    if odd := len(_odd(touch, pairs)):
+        what += f" ({odd} of {len(pairs)} pairs with two different labels)"
+    copies_of = _copies_of(pairs)
+    split = case if case.sides is not None else _split_by_trials(case)
+    found = _on_sides(split, copies_of)
+    if case.sides is not None and not found.crossing:
+        return _one_side_note(kind, f"{len(pairs)} pairs of trials {what}", found.twice, streams,
+                              examples)  # fmt: skip
+    key = joining_group(touch, pairs)
+    joins = "" if key is None else f"whole {several(key)}"
+    if case.sides is not None:
+        said = f"{len(found.crossing)} of {found.tested} tested trials have such a one in " \
+               f"training: trials {what}."  # fmt: skip
+    else:
+        some = f"a split that does not hold out {joins}" if joins else "a split of trials"
+        said = f"{len(pairs)} pairs of trials ({len(copies_of)} of {len(touch)} trials) {what}: " \
+               f"{some} puts them on both sides."  # fmt: skip
+    alone, usual, _, _ = looked_up(split, found.partners)
+    return Finding(
+        kind=kind, verdict="hazard" if case.sides is None and joins else "leak", said=said,
+        mend=_mend(joins, streams), alone=alone, majority=usual, examples=examples,
+    )  # fmt: skip
+
+
+def _no_copies(kind: str, what: str, unseen: str) -> Finding:
+    if unseen:
+        return Finding(kind=kind, verdict="not checked",
+                       said=f"{unseen} Among those no two trials {what}.",
+                       mend="audit fewer trials at a time")  # fmt: skip
+    return Finding(kind=kind, verdict="clear", said=f"No two trials {what}.")
+
+
+def _copies_of(pairs: Pairs) -> dict[int, set[int]]:
+    """Return for each trial of a pair the trials that it is paired with."""
+    found: dict[int, set[int]] = {}
+    for a, b in pairs:
+        found.setdefault(a, set()).add(b)
+        found.setdefault(b, set()).add(a)
+    return found
+
+
+def _on_sides(case: Case, copies_of: Mapping[int, set[int]]) -> _CopiesOnSides:
+    """Return where the split of a case puts the copies of each tested trial."""
+    assert case.sides is not None
+    trial = case.pieces.trial
+    partners: list[Partners] = []
+    crossing, twice, tested = set[int](), set[int](), set[int]()
+    for train, test in case.sides.folds:
+        in_test = set(trial[test].tolist())
+        in_training = {t: train[np.isin(trial[train], list(copies_of.get(t, ())))]
+                       for t in in_test}  # fmt: skip
+        partners.append([in_training[t] for t in trial[test].tolist()])
+        crossing |= {t for t, pieces in in_training.items() if len(pieces)}
+        twice |= {t for t in in_test if copies_of.get(t, set()) & in_test}
+        tested |= in_test
+    return _CopiesOnSides(partners, crossing, twice, len(tested))
+
+
+def _one_side_note(
+    kind: str, what: str, twice: set[int], streams: bool, examples: tuple[str, ...]
+) -> Finding:
+    """Return the note on copies of which the split puts none on both sides."""
+    where = f"{len(twice)} tested trials count more than once" if twice else (
+        "all of them in training")  # fmt: skip
+    return Finding(
+        kind=kind, verdict="note", examples=examples,
+        said=f"{what}, each on one side of the split: nothing of a test trial is in its training "
+             f"part; {where}.",
+        mend="say so" if streams or not twice else "keep one of each, or say so",
+    )  # fmt: skip
+
+
+def _mend(joins: str, streams: bool) -> str:
+    """Return what to do about copies on both sides.
+
+    Args:
+        joins: The groups that can be held out whole and keep all copies together; empty for none.
+        streams: They are windows of one stream, none of which is to be dropped.
+    """
+    if streams and joins:
+        return f"hold out {joins}"
+    if streams:
+        return "hold out whole streams: name what the trials were cut from as a group of the " \
+               "import (such as group:stream)"  # fmt: skip
+    if joins:
+        return f"keep one of each, or hold out {joins}, which keep them together"
+    return "keep one of each, or give all copies of a trial to the side of their original"
+
+
+def _split_by_trials(case: Case) -> Case:
+    """Return the case with a split of single trials, each of them one piece."""
+    n = len(case.touch)
+    whole = Pieces(
+        trial=np.arange(n), first=np.zeros(n, np.intp),
+        stop=np.array([len(rows) for rows in case.touch.rows], np.intp), view=np.full(n, ""),
+        label_s=np.full(n, np.nan),
+    )  # fmt: skip
+    sides = Sides(name="single trials", claimed=(),
+                  folds=tuple(trial_folds(case.touch.y, None, case.seed)))  # fmt: skip
+    return replace(case, pieces=whole, sides=sides)
+
+
+def joining_group(touch: TouchSet, pairs: Pairs) -> str | None:
+    """Return a group that can be held out whole and keeps all pairs together; None if none does.
+
+    One that says when or by whom comes first, then objects, then the others; of several the one
+    with most values, which is least likely to join them by chance. Each class has at least two
+    values of it.
+    """
+    y, classes = touch.y, range(len(touch.classes))
+    others = sorted({key for trial in touch.trials for key in trial.groups} - {"trial"})
+    for keys in (SESSIONS, OBJECTS, [k for k in others if k not in (*SESSIONS, *OBJECTS)]):
+        found: dict[str, int] = {}
+        for key in touch.keys(tuple(keys)):
+            own = touch.group(key)
+            assert own is not None
+            apart = all(len(set(own[y == c])) > 1 for c in classes)
+            if apart and all(own[a] == own[b] for a, b in pairs):
+                found[key] = len(set(own))
+        if found:
+            return max(found, key=found.__getitem__)
+    return None
+
+
+def _odd(touch: TouchSet, pairs: Pairs) -> list[tuple[int, int]]:
+    """Return pairs with two different labels, most alike first: one of the labels is wrong."""
+    odd = [pair for pair in pairs if touch.y[pair[0]] != touch.y[pair[1]]]
+    return sorted(odd, key=lambda pair: -pairs[pair])
+
+
+def _foremost(touch: TouchSet, pairs: Pairs) -> list[tuple[int, int]]:
+    """Return the pairs to name: all with two different labels, or else the most alike."""
+    odd = _odd(touch, pairs)
+    rest = sorted(pairs.keys() - set(odd), key=lambda pair: (-pairs[pair], pair))
+    return [*odd, *rest[: max(0, 3 - len(odd))]]
+
+
+def _named(touch: TouchSet, pairs: Pairs) -> list[str]:
+    """Return what trials are called, with the label of those that a pair labels otherwise."""
+    odd = {trial for pair in _odd(touch, pairs) for trial in pair}
+    return [
+        trial.groups["trial"] + (f" [{trial.labels[touch.target]}]" if number in odd else "")
+        for number, trial in enumerate(touch.trials)
+    ]
+
+
+def _examples(touch: TouchSet, pairs: Pairs, alike: str) -> tuple[str, ...]:
+    """Return the pairs to name, each with how much of it is alike."""
+    names = _named(touch, pairs)
+    return tuple(
+        f"{names[a]} and {names[b]} ({100 * pairs[a, b]:.1f} % {alike})"
+        for a, b in _foremost(touch, pairs)
+    )
+
+
+def repeated(touch: TouchSet, pairs: Pairs) -> Finding:
+    """Return the finding on trials that are alike but for noise of their own."""
+    short = any(len(touch.rows[trial]) < ENOUGH for pair in pairs for trial in pair)
+    doubt = f" In trials of fewer than {ENOUGH} rows noise cannot be distinguished from touch, " \
+            "so this is not decided." if short else ""  # fmt: skip
+    return Finding(
+        kind="near-duplicates", verdict="note",
+        said=f"{len(pairs)} pairs of trials are alike but for noise: a machine's repeats of one "
+             f"touch, or copies with noise added.{doubt}",
+        mend="if they are copies, keep one of each; if repeats, say so, and hold out whole objects",
+        examples=_examples(touch, pairs, "alike"),
+    )  # fmt: skip
