@@ -49,7 +49,7 @@ EXTRAS: Final[Mapping[str, Extra]] = {
     "realsense": Extra(("pyrealsense2",), "RealSense cameras"),
     "rerun": Extra(("rerun",), "a Rerun viewer"),
     "slurm": Extra(("submitit",), "jobs on SLURM"),
-    "tune": Extra(("optuna",), "a search for settings"),
+    "tune": Extra(("optuna", "sqlalchemy"), "a search for settings"),
 }  # fmt: skip
 
 
