@@ -216,8 +216,8 @@ def _part(part: ClaimsOfPart, known: Mapping[str, Row]) -> list[str]:
     for claim in part.claims:
         used = [row for link in (*claim.theirs, *claim.honest) if (row := find(link, known))]
         stamps |= dict.fromkeys(row.stamp for row in used if row.stamp)
-        said = dict.fromkeys(_ran(row.stamp)[1] for row in used if row.stamp)
-        command = " ".join(f"`{each}`" for each in said) or _default(claim, part)
+        commands = dict.fromkeys(_ran(row.stamp)[1] for row in used if row.stamp)
+        command = " ".join(f"`{each}`" for each in commands) or _default(claim, part)
         theirs, honest = _cells(claim, known)
         cells = claim.where, claim.what, claim.claimed, theirs, honest, command
         lines.append(f"| {' | '.join(cells)} |")
@@ -245,14 +245,14 @@ def _cells(claim: Claim, known: Mapping[str, Row]) -> tuple[str, str]:
 
 
 def _values(links: Sequence[Link], known: Mapping[str, Row]) -> str:
-    said = []
+    figures = []
     for link in links:
         row = find(link, known)
         if row is not None and row.value is not None:
             shown = f"{100 * row.value:.1f} %" if link.percent else _value(row)
             label = link.label or _trained_by(row.note)
-            said.append(f"{label} {shown}".strip())
-    return ", ".join(said)
+            figures.append(f"{label} {shown}".strip())
+    return ", ".join(figures)
 
 
 def _trained_by(note: str) -> str:

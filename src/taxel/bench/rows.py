@@ -78,8 +78,10 @@ def quietest(name: str, rounds: Sequence[float], unit: str, limit: float, note: 
     or a percentile over many repeats.
     """
     each = ", ".join(f"{value:.1f}" for value in rounds)
-    said = f"the quietest of {len(rounds)} rounds ({each})"
-    return row(name, min(rounds), unit, "<=", limit, f"{said}; {note}" if note else said)
+    rounds_note = f"the quietest of {len(rounds)} rounds ({each})"
+    return row(
+        name, min(rounds), unit, "<=", limit, f"{rounds_note}; {note}" if note else rounds_note
+    )
 
 
 def row_within(

@@ -197,13 +197,13 @@ def _condition_row(what: str, condition: str, plain: _Swept, robust: _Swept, gra
     worst = max(each, key=lambda level: each[level].points)
     before = {level: loss_between(plain[CLEAN, 0.0], plain[condition, level], grasps=grasps)
               for level in levels}  # fmt: skip
-    said = [claim.published for claim in CLAIMS if condition in claim.conditions]
+    published = [claim.published for claim in CLAIMS if condition in claim.conditions]
     note = (
         f"worst at {worst:g}: {loss_words(each[worst])}; at "
         f"{points_at(each)}; {PLAIN} at {points_at(before)}"
     )
-    if said:
-        note += f"; thesis: {said[0]}"
+    if published:
+        note += f"; thesis: {published[0]}"
     name = (
         f"sim, new sessions, {what}, {ROBUST}: {condition} {levels[0]:g} … {levels[-1]:g} {unit}, "
         "points lost at worst"

@@ -118,8 +118,8 @@ def run_sketch(
     pins[:, : volts.shape[1]] = volts
     with EmulatedBoards(firmware, [BoardSetup(elf=elf, volts=pins, volts_hz=TICK_HZ)]) as boards:
         boards.run(len(volts) / TICK_HZ)
-        conversions, said = boards.conversions(0), boards.bytes_sent(0)
-    payloads = FrameDecoder().feed(said)
+        conversions, sent_bytes = boards.conversions(0), boards.bytes_sent(0)
+    payloads = FrameDecoder().feed(sent_bytes)
     sent = [answer for answer in map(unpack_decision, payloads) if answer is not None]
     kept = conversions["count"][conversions["pin"] != _GROUND_PIN]
     columns = volts.shape[1]

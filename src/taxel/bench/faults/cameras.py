@@ -43,7 +43,7 @@ def camera_rows() -> list[Row]:
     frozen = [_until_frozen(images, number, doubted) for number in range(ROUNDS)]
     gone = [_until_gone(images, number) for number in range(ROUNDS)]
     behind_s = _behind(images)
-    said = f"such as: {doubted[0]}" if doubted else "a busy processor can cause some"
+    example = f"such as: {doubted[0]}" if doubted else "a busy processor can cause some"
     process = f"worst of {ROUNDS} rounds through real capture processes at {RATE_HZ:g} Hz"
     return [
         row(
@@ -52,7 +52,7 @@ def camera_rows() -> list[Row]:
         ),
         Row(
             name="cameras well: moments doubted", value=float(len(doubted)), unit="moments",
-            goal="", ok=None, note=f"in {ROUNDS} rounds, before the fault; {said}",
+            goal="", ok=None, note=f"in {ROUNDS} rounds, before the fault; {example}",
         ),
         row(
             "camera gone: time until the watcher doubts it (UNKNOWN)", max(gone), "s", "<=", 0.1,

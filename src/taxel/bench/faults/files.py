@@ -189,8 +189,8 @@ def _largest(
         return missing(name, unit, f"<= {limit:g}", f"not known of {worst.name}: it did not end "
                        "by itself, or this system does not say it")  # fmt: skip
     middle = float(np.median([getattr(refusal, field) for refusal in found]))
-    said = f"{worst.verb}, “{worst.name}”; median of {len(found)}: {middle:.3g} {unit}"
-    return row(name, value, unit, "<=", limit, f"{said}; {note}")
+    worst_note = f"{worst.verb}, “{worst.name}”; median of {len(found)}: {middle:.3g} {unit}"
+    return row(name, value, unit, "<=", limit, f"{worst_note}; {note}")
 
 
 def _or_most(value: float) -> float:

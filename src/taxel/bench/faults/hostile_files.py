@@ -117,8 +117,8 @@ def record(opcode: int, payload: bytes, length: int | None = None) -> bytes:
 def chunk(content: bytes, size: int | None = None) -> bytes:
     """Return an MCAP chunk whose CRC holds."""
     packed = lz4.frame.compress(content)
-    said = len(content) if size is None else size
-    head = struct.pack("<QQQII", 0, 0, said, zlib.crc32(content), 3) + b"lz4"
+    stated = len(content) if size is None else size
+    head = struct.pack("<QQQII", 0, 0, stated, zlib.crc32(content), 3) + b"lz4"
     return record(6, head + struct.pack("<Q", len(packed)) + packed)
 
 

@@ -55,10 +55,10 @@ class StationProgram:
     def line(self) -> Any:
         """Return the next value that it says."""
         assert self._program.stdout is not None
-        said = self._program.stdout.readline()
-        if not said:
+        line = self._program.stdout.readline()
+        if not line:
             raise RuntimeError("needed a station that runs; got its end")
-        return json.loads(said)
+        return json.loads(line)
 
     def ask(self) -> None:
         """Let it say what it has ordered in this round."""

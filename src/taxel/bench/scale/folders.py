@@ -48,11 +48,11 @@ def folder_rows() -> list[Row]:
             read_manifest(file)
         seconds, cpu_s = perf_counter() - started, process_time() - cpu_s
     note = f"the list alone {listed_s:.2f} s; {cpu_s:.2f} s of a core in all"
-    said = f"{RECORDINGS:,} short recordings listed and each one's manifest read"
+    name = f"{RECORDINGS:,} short recordings listed and each one's manifest read"
     if seconds > _GOAL_S >= cpu_s and os.getloadavg()[0] > QUIET:
         why = f"{seconds:.1f} s on a machine with a load of {os.getloadavg()[0]:.0f}; {note}"
-        return [missing(said, "s", f"<= {_GOAL_S:g}", why)]
-    return [row(said, seconds, "s", "<=", _GOAL_S, note)]
+        return [missing(name, "s", f"<= {_GOAL_S:g}", why)]
+    return [row(name, seconds, "s", "<=", _GOAL_S, note)]
 
 
 def memory_rows() -> list[Row]:
@@ -74,8 +74,8 @@ def memory_rows() -> list[Row]:
     parts = (held[quarter : 2 * quarter], held[-quarter:])
     early, late = (float(np.median(part)) for part in parts)
     note = f"{early / 2**20:.0f} MiB → {late / 2**20:.0f} MiB over {len(rows)} pours, 2 workers"
-    said = "memory, last quarter of the pours over the second"
-    return [row(said, late / early, "ratio", "<=", 1.05, note)]
+    name = "memory, last quarter of the pours over the second"
+    return [row(name, late / early, "ratio", "<=", 1.05, note)]
 
 
 def _short(path: Path) -> bytes:

@@ -142,11 +142,11 @@ def _differences(before: Path, after: Path) -> int:
 
 
 def _reader_row(name: str, read: Callable[[Path], int], path: Path, wanted: int) -> Row:
-    said = f"recording read by {name}"
+    row_name = f"recording read by {name}"
     try:
-        return row(said, read(path), "messages", ">=", wanted)
+        return row(row_name, read(path), "messages", ">=", wanted)
     except (ModuleNotFoundError, MissingExtra) as error:
-        return missing(said, "messages", f">= {wanted}", f"{error.name} is not installed")
+        return missing(row_name, "messages", f">= {wanted}", f"{error.name} is not installed")
 
 
 def _by_rosbags(path: Path) -> int:

@@ -68,10 +68,10 @@ def data_digest(_: Path | None) -> str:
 
 def killed_rows(name: str, place: str) -> list[Row]:
     """Run sixteen jobs, one of which kills its first worker; compare with one process."""
-    said = f"{JOBS} jobs, a worker killed with -9 midway, {name}: equal to one process"
+    row_name = f"{JOBS} jobs, a worker killed with -9 midway, {name}: equal to one process"
     engine = place.partition(":")[0]
     if engine in PACKAGES and find_spec(PACKAGES[engine]) is None:
-        return [missing(said, "jobs", f">= {JOBS}", f"{PACKAGES[engine]} is not installed")]
+        return [missing(row_name, "jobs", f">= {JOBS}", f"{PACKAGES[engine]} is not installed")]
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch, _imports():
         folder = Path(scratch)
         started = perf_counter()
@@ -79,14 +79,14 @@ def killed_rows(name: str, place: str) -> list[Row]:
             found = _digests(folder, opened)
         seconds = perf_counter() - started
         note = f"{seconds:.0f} s with starting the engine; killed: {(folder / 'died').exists()}"
-    return [row(said, _equal(found), "jobs", ">=", JOBS, note)]
+    return [row(row_name, _equal(found), "jobs", ">=", JOBS, note)]
 
 
 def killed_node_rows() -> list[Row]:
     """Run the same on two nodes of Ray, of which one is killed as a whole."""
-    said = f"{JOBS} jobs, a node of two killed, Ray: equal to one process"
+    row_name = f"{JOBS} jobs, a node of two killed, Ray: equal to one process"
     if find_spec("ray") is None:
-        return [missing(said, "jobs", f">= {JOBS}", "ray is not installed")]
+        return [missing(row_name, "jobs", f">= {JOBS}", "ray is not installed")]
     os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"  # on the loopback address
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     from ray.cluster_utils import Cluster
@@ -108,7 +108,9 @@ def killed_node_rows() -> list[Row]:
             seconds = perf_counter() - started
         finally:
             cluster.shutdown()
-    return [row(said, _equal(found), "jobs", ">=", JOBS, f"{seconds:.0f} s; killed after 4 jobs")]
+    return [
+        row(row_name, _equal(found), "jobs", ">=", JOBS, f"{seconds:.0f} s; killed after 4 jobs")
+    ]
 
 
 def slurm_rows() -> list[Row]:
@@ -121,9 +123,9 @@ def slurm_rows() -> list[Row]:
 
 def overhead_row(name: str, place: str, limit_ms: float | None) -> Row:
     """Return what an empty job costs on an engine whose workers are there already."""
-    said = f"overhead of a job, {name}, warm"
+    row_name = f"overhead of a job, {name}, warm"
     if place in PACKAGES and find_spec(PACKAGES[place]) is None:
-        return missing(said, "ms", f"<= {limit_ms:g}" if limit_ms else "", "not installed")
+        return missing(row_name, "ms", f"<= {limit_ms:g}" if limit_ms else "", "not installed")
     with _imports(), use_engine(open_engine(place, WORKERS)):
         dict(as_done(nothing, [(n,) for n in range(4 * WORKERS)]))
         started = perf_counter()
@@ -131,8 +133,8 @@ def overhead_row(name: str, place: str, limit_ms: float | None) -> Row:
         each_ms = 1000.0 * (perf_counter() - started) / _WARM_JOBS
     note = f"mean of {_WARM_JOBS} jobs, {WORKERS} workers"
     if limit_ms is None:
-        return Row(name=said, value=each_ms, unit="ms", goal="", ok=None, note=note)
-    return row(said, each_ms, "ms", "<=", limit_ms, note)
+        return Row(name=row_name, value=each_ms, unit="ms", goal="", ok=None, note=note)
+    return row(row_name, each_ms, "ms", "<=", limit_ms, note)
 
 
 def _digests(folder: Path, _: Engine) -> dict[int, str]:

@@ -22,13 +22,13 @@ TRIALS, _SCANS = 6, 6_000
 _LONGEST_S = 1800.0
 """The most that a search of this size may take, seconds. Source: our choice,
 docs/decisions/0050."""
-_SAID = "trials lost when a search is killed with -9 and started again"
+_LOST_ROW = "trials lost when a search is killed with -9 and started again"
 
 
 def search_rows() -> list[Row]:
     """Kill a search by `taxel tune`, start it again, and compare it with an unbroken one."""
     if find_spec("optuna") is None:
-        return [missing(_SAID, "trials", "<= 1", "optuna is not installed")]
+        return [missing(_LOST_ROW, "trials", "<= 1", "optuna is not installed")]
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         folder = Path(scratch)
         simulate_presets(folder, ("honest",), _SCANS, 1)
@@ -53,7 +53,7 @@ def search_rows() -> list[Row]:
     scores = f"simulated sessions held out; the recipe as it is {as_is:.3f}, "
     scores += f"best trivial baseline {trivial:.3f}"
     return [
-        row(_SAID, lost, "trials", "<=", 1.0, note),
+        row(_LOST_ROW, lost, "trials", "<=", 1.0, note),
         Row(name="outer accuracy, settings found without the fold", value=outer, unit="share",
             goal="", ok=None, note=scores),
         Row(name="inner accuracy of the best trial, which was chosen by it", value=inner,

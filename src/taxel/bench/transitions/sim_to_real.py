@@ -197,8 +197,8 @@ def _on_training_objects(probed: ProbeSet, domains: _Domains) -> dict[Ranking, s
         each = []
         for fold in probed.split.folds:
             known = domains.real.part(fold.train_rows)
-            said = transfer_once(domains.simulated, None, known.rows, known, ranking)
-            each.append(area(known.y, said))
+            probabilities = transfer_once(domains.simulated, None, known.rows, known, ranking)
+            each.append(area(known.y, probabilities))
         found[ranking] = f"AUC on the training objects, mean of folds, {np.mean(each):.3f}"
     return found
 
