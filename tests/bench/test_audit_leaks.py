@@ -16,7 +16,9 @@ Verdicts = dict[str, Verdict]
 
 def audited(verdicts: Verdicts) -> Audit:
     """Return an audit of these findings."""
-    findings = [Finding(kind=kind, verdict=verdict, said="") for kind, verdict in verdicts.items()]
+    findings = [
+        Finding(kind=kind, verdict=verdict, message="") for kind, verdict in verdicts.items()
+    ]
     return Audit(data="", kind="array", target="", classes={}, split="", read_on="",
                  findings=tuple(findings))  # fmt: skip
 

@@ -71,7 +71,7 @@ def test_a_table_of_folds_is_audited(
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (lambda hand: Audit(data=hand / "none"), "check the path"),
         (lambda hand: Audit(data=hand, target="colour"), "--target"),
@@ -89,11 +89,13 @@ def test_a_table_of_folds_is_audited(
         (lambda hand: Audit(data=hand, fold_count=1), "--fold-count"),
     ],
 )
-def test_bad_input_is_one_plain_line(hand: Path, make: Callable[[Path], Audit], said: str) -> None:
+def test_bad_input_is_one_plain_line(
+    hand: Path, make: Callable[[Path], Audit], message: str
+) -> None:
     """Each says what was needed, what was got and how to mend it."""
     with pytest.raises(TaxelError) as error:
         make(hand).run()
 
     assert isinstance(error.value, BadInput)
-    assert said in str(error.value)
+    assert message in str(error.value)
     assert "\n" not in str(error.value)

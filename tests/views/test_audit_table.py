@@ -6,9 +6,9 @@ from taxel.evaluation.audit.finding import Audit, Finding
 from taxel.views.tables.audit import audit_table, chance
 
 FINDINGS = (
-    Finding(kind="same session", verdict="leak", said="On both.", alone=0.36, majority=0.38),
-    Finding(kind="length", verdict="leak", said="It tells.", alone=0.9, majority=0.4, p=0.0002),
-    Finding(kind="level", verdict="note", said="It may.", alone=0.5, majority=0.4, p=0.0042),
+    Finding(kind="same session", verdict="leak", message="On both.", alone=0.36, majority=0.38),
+    Finding(kind="length", verdict="leak", message="It tells.", alone=0.9, majority=0.4, p=0.0002),
+    Finding(kind="level", verdict="note", message="It may.", alone=0.5, majority=0.4, p=0.0042),
 )
 AUDIT = Audit(data="d", kind="array", target="shape", classes={"a": 4, "b": 4}, split="by windows",
               read_on="session held out", findings=FINDINGS)  # fmt: skip
@@ -17,11 +17,11 @@ AUDIT = Audit(data="d", kind="array", target="shape", classes={"a": 4, "b": 4}, 
 def test_each_figure_says_by_what_it_counts():
     console = Console(width=80, record=True)
     console.print(audit_table(AUDIT))
-    said = console.export_text()
+    printed = console.export_text()
 
     assert [chance(finding) for finding in FINDINGS] == ["rule", "< 0.001", "0.004"]
-    assert chance(Finding(kind="trial", verdict="clear", said="None.")) == "–"
+    assert chance(Finding(kind="trial", verdict="clear", message="None.")) == "–"
     for column in ("accuracy", "majority", "AUC", "p"):
-        assert f"{column}: " in said
-    assert "session held out, since the split divides" in said
-    assert max(map(len, said.splitlines())) <= 80
+        assert f"{column}: " in printed
+    assert "session held out, since the split divides" in printed
+    assert max(map(len, printed.splitlines())) <= 80

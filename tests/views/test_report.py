@@ -145,8 +145,8 @@ AUDIT = Audit(
     split="session held out",
     read_on="session held out",
     findings=(
-        Finding(kind="length", verdict="leak", said="The length tells it.", alone=0.9, p=0.01),
-        Finding(kind="order", verdict="clear", said="Nothing."),
+        Finding(kind="length", verdict="leak", message="The length tells it.", alone=0.9, p=0.01),
+        Finding(kind="order", verdict="clear", message="Nothing."),
     ),
 )
 
@@ -200,7 +200,7 @@ def test_every_link_at_the_head_leads_to_a_part(whole: str):
 
 
 def test_the_page_says_what_must_stand_beside_an_accuracy(whole: str):
-    for said in (
+    for part in (
         "session held out",
         "best baseline: ",
         "95 % CI over sessions, %",
@@ -214,7 +214,7 @@ def test_the_page_says_what_must_stand_beside_an_accuracy(whole: str):
         "taxel train &#x27;my data&#x27; --output r",
         "taxel report r",
     ):
-        assert said in whole, said
+        assert part in whole, part
 
 
 def test_names_are_escaped(whole: str):
@@ -250,43 +250,43 @@ def test_baselines_of_one_split_are_not_held_against_a_run_of_another(tmp_path: 
     leaky = make_run(accuracy=0.9, split="random windows (leaks)", leaky=True)
     leaky = replace(leaky, trivial={"session": 0.95})
 
-    said = page_of(tmp_path, runs={"honest": honest, "leaky": leaky})
+    page = page_of(tmp_path, runs={"honest": honest, "leaky": leaky})
 
-    assert "honest is no better" not in said
-    assert "leaky is no better than the baseline “session” (95.0 %)" in said
+    assert "honest is no better" not in page
+    assert "leaky is no better than the baseline “session” (95.0 %)" in page
 
 
 def test_a_split_with_trials_on_both_sides_is_marked(tmp_path: Path):
     leaky = make_run(split="random windows (leaks)", leaky=True)
 
-    said = page_of(tmp_path, runs={"r": leaky})
+    page = page_of(tmp_path, runs={"r": leaky})
 
-    assert '<span class="leaks">random windows (leaks)</span>' in said
-    assert 'class="both"' in said
-    assert "trial (18 of 18)" in said
+    assert '<span class="leaks">random windows (leaks)</span>' in page
+    assert 'class="both"' in page
+    assert "trial (18 of 18)" in page
 
 
 def test_a_session_split_has_no_session_on_both_sides(tmp_path: Path):
-    said = page_of(tmp_path, runs={"r": make_run()})
+    page = page_of(tmp_path, runs={"r": make_run()})
 
-    assert "On both sides of a fold: object (3 of 3)." in said
+    assert "On both sides of a fold: object (3 of 3)." in page
 
 
 def test_recordings_of_another_digest_are_warned_of(tmp_path: Path):
     from dataclasses import replace
 
-    said = page_of(tmp_path, runs={"r": make_run()}, card=replace(CARD, digest="cd" * 32))
+    page = page_of(tmp_path, runs={"r": make_run()}, card=replace(CARD, digest="cd" * 32))
 
-    assert "not those of the run" in said
+    assert "not those of the run" in page
 
 
 def test_a_run_without_predictions_still_gives_a_page(tmp_path: Path):
     from dataclasses import replace
 
-    said = page_of(tmp_path, runs={"old": replace(make_run(), predictions=None, trivial={})})
+    page = page_of(tmp_path, runs={"old": replace(make_run(), predictions=None, trivial={})})
 
-    assert "not at hand" in said
-    assert '<h2 id="results"' not in said
+    assert "not at hand" in page
+    assert '<h2 id="results"' not in page
 
 
 def test_runs_that_cannot_be_compared_say_why_on_the_page(tmp_path: Path):

@@ -53,10 +53,10 @@ def test_copies_on_one_side_of_a_split_are_a_note(make_set: Make) -> None:
 
     assert inside.verdict == "note"
     assert inside.alone is None
-    assert "nothing of a test trial is in its training part" in inside.said
-    assert "2 tested trials count more than once" in inside.said
+    assert "nothing of a test trial is in its training part" in inside.message
+    assert "2 tested trials count more than once" in inside.message
     assert across.verdict == "leak"
-    assert "2 of 60 tested trials" in across.said
+    assert "2 of 60 tested trials" in across.message
     assert across.alone is not None
     assert across.majority is not None
     # both are of class 0, so that a look-up can only gain on the commonest answer
@@ -178,8 +178,8 @@ def test_one_fact_is_said_once_in_plain_words(make_set: Make) -> None:
 
     assert "name: stream" in found
     assert "name: imported file" not in found
-    assert "one to one" in found["name: stream"].said
-    assert "'imported file'" in found["name: stream"].said
+    assert "one to one" in found["name: stream"].message
+    assert "'imported file'" in found["name: stream"].message
 
     alone = replace(touch, trials=make_set["array"]().trials)
     found = {reading.kind: reading.finding(reading.evidence.p)
@@ -213,9 +213,9 @@ def test_a_first_row_that_may_be_touch_is_asked_about(make_set: Make, still: boo
     found = reading.finding(reading.evidence.p)
 
     assert found.verdict == "hazard"
-    assert ("after they stood still" in found.said) is still
-    assert "does not yet touch in the first row, it is drift" in found.said
-    assert "may be touch itself" in found.said
+    assert ("after they stood still" in found.message) is still
+    assert "does not yet touch in the first row, it is drift" in found.message
+    assert "may be touch itself" in found.message
     assert "in contact when the recording began?" in found.mend
     assert "(tare)" in found.mend
 
@@ -243,9 +243,9 @@ def test_a_still_start_is_told_from_a_press_and_from_a_hold_that_settles(
 
 def test_the_verdict_names_what_only_the_reader_knows() -> None:
     """No careless split is spoken of where the first row is all that waits."""
-    first = Finding(kind="first frame", verdict="hazard", said="")
-    other = Finding(kind="order", verdict="hazard", said="")
-    leak = Finding(kind="length", verdict="leak", said="")
+    first = Finding(kind="first frame", verdict="hazard", message="")
+    other = Finding(kind="order", verdict="hazard", message="")
+    leak = Finding(kind="length", verdict="leak", message="")
 
     def verdict(*findings: Finding) -> str:
         return Audit(data="d", kind="array", target="t", classes={}, split="", read_on="",

@@ -11,11 +11,12 @@ from taxel.evaluation.audit.touch_set import TouchSet
 
 def test_rows_become_frames_in_sentences_and_not_in_names() -> None:
     finding = Finding(
-        kind="duplicates", verdict="leak", said="Rows meet; one row of 4. Arrows and rowing stay.",
+        kind="duplicates", verdict="leak",
+        message="Rows meet; one row of 4. Arrows and rowing stay.",
         mend="cut rows", examples=("two rows#0", "slip: 31 rows"),
     )  # fmt: skip
     found = as_frames(finding)
-    assert found.said == "Frames meet; one frame of 4. Arrows and rowing stay."
+    assert found.message == "Frames meet; one frame of 4. Arrows and rowing stay."
     assert (found.mend, found.examples) == ("cut frames", ("two rows#0", "slip: 31 frames"))
 
 
@@ -29,7 +30,7 @@ def test_all_pairs_with_two_labels_are_named_with_them(
     odd = [(4, 12), (5, 13), (6, 14), (7, 15)]
     pairs = {**dict.fromkeys(same, 1.0), **dict.fromkeys(odd, 0.9)}
     found = shared_copies(case, "duplicates", pairs, "hold the same rows")
-    assert "(4 of 8 pairs with two different labels)" in found.said
+    assert "(4 of 8 pairs with two different labels)" in found.message
     assert [example.split(" (")[0] for example in found.examples] == [
         f"r{a:02d}#0 [c0] and r{b:02d}#0 [c1]" for a, b in odd
     ]

@@ -36,7 +36,7 @@ def test_cups_on_both_sides_are_a_leak_and_held_out_ones_are_none(make_set: Make
     mixed, apart = with_column(touch, lambda i: i % 3 == 0), with_column(touch, lambda i: i % 8 < 2)
 
     assert (of_cups(mixed).verdict, of_cups(apart).verdict) == ("leak", "clear")
-    assert "share their cup with training" in of_cups(mixed).said
+    assert "share their cup with training" in of_cups(mixed).message
 
 
 def test_where_the_cup_is_the_class_it_cannot_be_held_out(make_set: Make) -> None:

@@ -48,7 +48,7 @@ def test_what_changes_from_earlier_to_later_trials_is_a_hazard(make_set: Make) -
     found = sorted_out(with_drift(make_set["array"](trials=120)))
 
     assert found["order effect"].verdict == "hazard"
-    assert "points that will not be reached on a new later trial" in found["order effect"].said
+    assert "points that will not be reached on a new later trial" in found["order effect"].message
     assert found["drift"].verdict == "note"
     assert "--split order:KEY:70%" in found["drift"].mend
 
@@ -86,7 +86,7 @@ def test_a_split_that_tests_only_what_was_recorded_later_is_clear(
                        f"order:trial_number:{share}%")["order effect"]  # fmt: skip
 
     assert found.verdict == "clear"
-    assert "this split keeps them apart" in found.said
+    assert "this split keeps them apart" in found.message
 
 
 def test_earlier_trials_tested_beside_later_ones_in_training_are_a_leak(
@@ -156,7 +156,7 @@ def test_what_cropping_leaves_is_said(make_set: Make) -> None:
     assert found.verdict == "leak"
     assert found.left is not None
     assert f"Crops of the first 28 rows of every trial leave small trees at {found.left:.3f}" \
-        in found.said  # fmt: skip
+        in found.message  # fmt: skip
 
 
 def test_what_taring_leaves_is_said(make_set: Make) -> None:
@@ -172,7 +172,7 @@ def test_what_taring_leaves_is_said(make_set: Make) -> None:
         )
         reading = read_first(make_case(replace(touch, rows=rows), None, 10, 0))
         found = reading.finding(reading.evidence.p)
-        still = float(found.said.split("still predicts ")[1].split()[0])
+        still = float(found.message.split("still predicts ")[1].split()[0])
 
         assert found.verdict == "leak"
         assert least <= still <= most
@@ -193,7 +193,7 @@ def test_a_channel_that_counts_is_named(
     found = reading.finding(reading.evidence.p)
 
     assert found.verdict == "leak"
-    assert ("the channel index alone" in found.said) == named
+    assert ("the channel index alone" in found.message) == named
     assert found.mend.startswith("leave index out") == named
 
 
@@ -239,5 +239,5 @@ def test_copies_with_another_label_are_said(make_set: Make) -> None:
     both = shared_copies(case, "duplicates", {same: 1.0, other: 1.0}, "hold the same rows")
     alike = shared_copies(case, "duplicates", {same: 1.0}, "hold the same rows")
 
-    assert "1 of 2 pairs with two different labels" in both.said
-    assert "different labels" not in alike.said
+    assert "1 of 2 pairs with two different labels" in both.message
+    assert "different labels" not in alike.message

@@ -214,7 +214,7 @@ def test_a_trial_that_a_table_leaves_out_is_not_audited(make_set: Make, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("lines", "said"),
+    ("lines", "message"),
     [
         (["recording,fold", "nothere,1", "r01,2"], "'nothere'"),
         (["recording,fold,side", "r00,1,test"], "of fold '1'"),
@@ -228,10 +228,10 @@ def test_a_trial_that_a_table_leaves_out_is_not_audited(make_set: Make, tmp_path
     ],
 )
 def test_a_bad_table_is_refused_with_its_line(
-    make_set: Make, tmp_path: Path, lines: list[str], said: str
+    make_set: Make, tmp_path: Path, lines: list[str], message: str
 ) -> None:
     """The message says what was needed and where."""
-    with pytest.raises(BadTable, match=said):
+    with pytest.raises(BadTable, match=message):
         table_sides(make_set["array"](), _table(tmp_path, *lines), steps=8)
 
 

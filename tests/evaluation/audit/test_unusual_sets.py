@@ -221,9 +221,9 @@ def test_trials_scaled_each_by_itself_are_no_leak(make_set: Make) -> None:
     every = np.concatenate(touch.rows)
     whole = tuple((r - every.mean(axis=0)) / every.std(axis=0) for r in touch.rows)
 
-    said = scaled_values(make_case(replace(touch, rows=own), None, 10, 0))
-    assert said.verdict == "note"
-    assert said.said.startswith("Each trial")
+    finding = scaled_values(make_case(replace(touch, rows=own), None, 10, 0))
+    assert finding.verdict == "note"
+    assert finding.message.startswith("Each trial")
     assert scaled_values(make_case(replace(touch, rows=whole), None, 10, 0)).verdict == "leak"
 
 
@@ -349,9 +349,9 @@ def test_of_four_rows_alike_squeezes_are_a_note_and_true_copies_are_found(
     near, repeats, _ = near_copies(honest, {})
     assert not near
     assert (0, 6) in repeats
-    said = next(f for f in audit(honest, "x").findings if f.kind == "near-duplicates")
-    assert said.verdict == "note"
-    assert "not decided" in said.said
+    finding = next(f for f in audit(honest, "x").findings if f.kind == "near-duplicates")
+    assert finding.verdict == "note"
+    assert "not decided" in finding.message
 
     rows[7] = np.asarray(np.round((1.3 * rows[1] + 2.0) * 1600) / 1600, np.float32)
     rows[8] = np.asarray(0.7 * rows[2] - 1.0, np.float32)

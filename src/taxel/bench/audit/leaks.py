@@ -54,12 +54,12 @@ def planted_leaks() -> list[Row]:
                     (found if kind in got else lost).append(f"{system}: {kind}")
     kinds = {name.partition(": ")[2] for name in found + lost}
     note = f"{len(kinds)} kinds" + (f"; not found: {', '.join(lost)}" if lost else "")
-    said = f"{clean} audits, by themselves and split by session or cup"
+    row_name = f"{clean} audits, by themselves and split by session or cup"
     return [
         row("leaks found of those planted, both systems", len(found), "leaks", ">=",
             len(found) + len(lost), note),
         row("alarms on clean splits, both systems", len(false), "alarms", "<=", 0,
-            said + (f": {', '.join(false)}" if false else "")
+            row_name + (f": {', '.join(false)}" if false else "")
             + "; hazards by themselves, not counted: " + (", ".join(waiting) or "none")),
     ]  # fmt: skip
 
@@ -90,8 +90,8 @@ def real_leaks(data: Path | None) -> list[Row]:
         finding = next(finding for finding in result.findings if finding.kind == kind)
         rows.append(
             Row(name=title, value=finding.alone, unit="1", goal="found", ok=finding.alarm,
-                note=f"{finding.verdict}: {finding.said} Majority {finding.majority or 0.0:.3f}; "
-                     f"{result.read_on}; {took_s:.0f} s")
+                note=f"{finding.verdict}: {finding.message} Majority {finding.majority or 0.0:.3f}"
+                     f"; {result.read_on}; {took_s:.0f} s")
         )  # fmt: skip
     return rows
 

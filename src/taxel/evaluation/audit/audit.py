@@ -162,8 +162,8 @@ def make_case(touch: TouchSet, split: tuple[Pieces, Sides] | None, steps: int, s
 
 def _figures(touch: TouchSet) -> list[str]:
     """Return the note on a label of measured figures, if it is one."""
-    said = figures_as_classes([trial.labels[touch.target] for trial in touch.trials], touch.target)
-    return [said] if said else []
+    note = figures_as_classes([trial.labels[touch.target] for trial in touch.trials], touch.target)
+    return [note] if note else []
 
 
 def _read_on(case: Case) -> str:

@@ -66,19 +66,19 @@ class Reading:
 
     def finding(self, p: float, tests: int = 1) -> Finding:
         """Return the finding, given p after correction for so many tests."""
-        verdict, said, mend = self.decide(self.evidence.counts(p))
+        verdict, message, mend = self.decide(self.evidence.counts(p))
         left = None
         if verdict in ALARMS and self.mended is not None:
             left, sentence = self.mended()
-            said = f"{said} {sentence}"
+            message = f"{message} {sentence}"
         if verdict == "clear" and not self.same and not self.evidence.could_count(tests):
             verdict = "too few"
-            said = f"{said.rstrip('.')} as far as so few trials show: even a leak that goes half " \
-                   "of the way to certainty could be chance."  # fmt: skip
+            message = f"{message.rstrip('.')} as far as so few trials show: even a leak that " \
+                      "goes half of the way to certainty could be chance."  # fmt: skip
         return Finding(
-            kind=self.kind, verdict=verdict, said=said, mend=mend, alone=self.evidence.accuracy,
-            majority=self.evidence.majority, auc=self.evidence.auc, p=p, examples=self.examples,
-            left=left,
+            kind=self.kind, verdict=verdict, message=message, mend=mend,
+            alone=self.evidence.accuracy, majority=self.evidence.majority, auc=self.evidence.auc,
+            p=p, examples=self.examples, left=left,
         )  # fmt: skip
 
 

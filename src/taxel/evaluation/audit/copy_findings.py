@@ -22,7 +22,7 @@ from taxel.labels.trials import OBJECTS
 
 COPIES_UNKNOWN = Finding(
     kind="duplicates", verdict="not checked",
-    said="Values change in so few steps that copies cannot be distinguished from chance.",
+    message="Values change in so few steps that copies cannot be distinguished from chance.",
     mend="record finer steps, longer trials or more channels",
 )  # fmt: skip
 
@@ -77,15 +77,15 @@ def shared_copies(
     key = joining_group(touch, pairs)
     joins = "" if key is None else f"whole {several(key)}"
     if case.sides is not None:
-        said = f"{len(found.crossing)} of {found.tested} tested trials have such a one in " \
-               f"training: trials {what}."  # fmt: skip
+        message = f"{len(found.crossing)} of {found.tested} tested trials have such a one in " \
+                  f"training: trials {what}."  # fmt: skip
     else:
         some = f"a split that does not hold out {joins}" if joins else "a split of trials"
-        said = f"{len(pairs)} pairs of trials ({len(copies_of)} of {len(touch)} trials) {what}: " \
-               f"{some} puts them on both sides."  # fmt: skip
+        message = f"{len(pairs)} pairs of trials ({len(copies_of)} of {len(touch)} trials) {what}" \
+                  f": {some} puts them on both sides."  # fmt: skip
     alone, usual, _, _ = looked_up(split, found.partners)
     return Finding(
-        kind=kind, verdict="hazard" if case.sides is None and joins else "leak", said=said,
+        kind=kind, verdict="hazard" if case.sides is None and joins else "leak", message=message,
         mend=_mend(joins, streams), alone=alone, majority=usual, examples=examples,
     )  # fmt: skip
 
@@ -93,9 +93,9 @@ def shared_copies(
 def _no_copies(kind: str, what: str, unseen: str) -> Finding:
     if unseen:
         return Finding(kind=kind, verdict="not checked",
-                       said=f"{unseen} Among those no two trials {what}.",
+                       message=f"{unseen} Among those no two trials {what}.",
                        mend="audit fewer trials at a time")  # fmt: skip
-    return Finding(kind=kind, verdict="clear", said=f"No two trials {what}.")
+    return Finding(kind=kind, verdict="clear", message=f"No two trials {what}.")
 
 
 def _copies_of(pairs: Pairs) -> dict[int, set[int]]:
@@ -132,8 +132,8 @@ def _one_side_note(
         "all of them in training")  # fmt: skip
     return Finding(
         kind=kind, verdict="note", examples=examples,
-        said=f"{what}, each on one side of the split: nothing of a test trial is in its training "
-             f"part; {where}.",
+        message=f"{what}, each on one side of the split: nothing of a test trial is in its "
+                f"training part; {where}.",
         mend="say so" if streams or not twice else "keep one of each, or say so",
     )  # fmt: skip
 
@@ -228,8 +228,8 @@ def repeated(touch: TouchSet, pairs: Pairs) -> Finding:
             "so this is not decided." if short else ""  # fmt: skip
     return Finding(
         kind="near-duplicates", verdict="note",
-        said=f"{len(pairs)} pairs of trials are alike but for noise: a machine's repeats of one "
-             f"touch, or copies with noise added.{doubt}",
+        message=f"{len(pairs)} pairs of trials are alike but for noise: a machine's repeats of one "
+                f"touch, or copies with noise added.{doubt}",
         mend="if they are copies, keep one of each; if repeats, say so, and hold out whole objects",
         examples=_examples(touch, pairs, "alike"),
     )  # fmt: skip

@@ -35,7 +35,7 @@ class Finding:
     kind: str
     """Short name, the same in every audit; listed in docs/how-to/audit.md."""
     verdict: Verdict
-    said: str
+    message: str
     """What was found, in plain words, one sentence."""
     mend: str = ""
     """What to do about it; empty where nothing is to be done."""

@@ -22,7 +22,7 @@ def as_frames(finding: Finding) -> Finding:
     """
     return replace(
         finding,
-        said=_ROW.sub(_frame, finding.said),
+        message=_ROW.sub(_frame, finding.message),
         mend=_ROW.sub(_frame, finding.mend),
         examples=tuple(_COUNTED.sub("frames", example) for example in finding.examples),
     )

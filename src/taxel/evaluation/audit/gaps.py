@@ -75,7 +75,7 @@ class Gap:
             words = f"{words}: {100 * (self.high - self.low):.1f} points that will not be " \
                    f"reached on a new {self.of}."  # fmt: skip
         return Finding(
-            kind=self.kind, verdict=verdict, said=words, alone=self.high, majority=self.majority,
+            kind=self.kind, verdict=verdict, message=words, alone=self.high, majority=self.majority,
             mend="" if verdict == "clear" else self.mend, p=None if rule else p,
         )  # fmt: skip
 

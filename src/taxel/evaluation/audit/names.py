@@ -45,12 +45,12 @@ def near_names(case: Case) -> Finding:
             found += [f"{what} {key}: {a} and {b}" for a, b in pairs]
             heavy |= bool(pairs) and (key == case.touch.target or key in OBJECTS + SESSIONS)
     if not found:
-        said = "No two values of a label or group look like one, misspelt."
-        return Finding(kind=KIND, verdict="clear", said=said)
+        message = "No two values of a label or group look like one, misspelt."
+        return Finding(kind=KIND, verdict="clear", message=message)
     return Finding(
         kind=KIND, verdict="hazard" if heavy else "note", examples=tuple(found),
-        said=f"{len(found)} pair{'s' * (len(found) > 1)} of names may be one name, spelt twice: "
-             "they count as two, and one can be trained on while the other is held out.",
+        message=f"{len(found)} pair{'s' * (len(found) > 1)} of names may be one name, spelt twice: "
+                "they count as two, and one can be trained on while the other is held out.",
         mend="if they are one, mend the import table and import again; if they are two, name them "
              "further apart",
     )  # fmt: skip

@@ -38,7 +38,7 @@ def measure_order(case: Case) -> list[Gap | Reading] | Finding:
     if order is None:
         return Finding(
             kind="order effect", verdict="not checked",
-            said="The recordings do not say in which order they were made.",
+            message="The recordings do not say in which order they were made.",
             mend="give them a number as a group, such as group:trial_number",
         )  # fmt: skip
     cells = _cells(touch)
@@ -46,8 +46,8 @@ def measure_order(case: Case) -> list[Gap | Reading] | Finding:
     if late.sum() < LEAST_LATE or len(set(touch.y[late])) < 2:
         return Finding(
             kind="order effect", verdict="too few", mend="record more trials of each class",
-            said=f"Fewer than {LEAST_LATE} later trials, in classes (and sessions) of at least "
-                 f"{LEAST_CELL} trials: earlier ones cannot be set against them.",
+            message=f"Fewer than {LEAST_LATE} later trials, in classes (and sessions) of at least "
+                    f"{LEAST_CELL} trials: earlier ones cannot be set against them.",
         )  # fmt: skip
     values = np.stack([sum_up(rows) for rows in touch.rows])
     mixes = _mixes(case, order, kept, cells)

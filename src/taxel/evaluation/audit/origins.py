@@ -121,12 +121,12 @@ def _read_key(
         else:
             verdict = "note"
         if nested:
-            said = f"Each {single!r} holds one class only: its name predicts the label{too}, and " \
-                   "so may anything that differs between them."  # fmt: skip
+            message = f"Each {single!r} holds one class only: its name predicts the label{too}, " \
+                      "and so may anything that differs between them."  # fmt: skip
         else:
-            said = f"Classes are shared out unevenly over {single!r}: its name alone predicts " \
-                   f"the label{too}."  # fmt: skip
-        return verdict, said, f"record every class in {each}, and hold out whole {many}"
+            message = f"Classes are shared out unevenly over {single!r}: its name alone predicts " \
+                      f"the label{too}."  # fmt: skip
+        return verdict, message, f"record every class in {each}, and hold out whole {many}"
 
     examples = [f"{name}: {', '.join(touch.classes[c] for c in sorted(set(y[values == name])))}"
                 for name in in_order(values)]  # fmt: skip

@@ -36,7 +36,7 @@ def scaled_values(case: Case) -> Finding:
     scans = list(touch.scans.values())
     if not _standard(touch, np.arange(len(touch))) and not _plain(*_over_scans(scans)):
         return Finding(kind="scaling", verdict="clear",
-                       said="The values were not standardised as a whole.")  # fmt: skip
+                       message="The values were not standardised as a whole.")  # fmt: skip
     units = {"trial": np.arange(len(touch)).astype(str)}
     units |= {key: own for key in touch.keys(("recording", *SESSIONS))
               if (own := touch.group(key)) is not None and len(set(own)) > 1}  # fmt: skip
@@ -46,16 +46,16 @@ def scaled_values(case: Case) -> Finding:
         if np.mean(each) >= _MOST:
             return Finding(
                 kind="scaling", verdict="note",
-                said=f"Each {unit} has mean 0 and deviation 1 by itself: nothing crosses to "
-                     f"others, but live a whole {unit} is known only at its end.",
+                message=f"Each {unit} has mean 0 and deviation 1 by itself: nothing crosses to "
+                        f"others, but live a whole {unit} is known only at its end.",
                 mend="say so, and scale live by what is known then",
             )  # fmt: skip
     inner, outer, usual = _near_neighbours(case)
     return Finding(
         kind="scaling", verdict="leak", alone=outer, majority=usual,
-        said="The values have mean 0 and deviation 1 over all recordings: they were scaled with "
-             f"the test part in view (a nearest-neighbour rule reaches {outer:.3f} with it, and "
-             f"{inner:.3f} with scaling fitted within the fold).",
+        message="The values have mean 0 and deviation 1 over all recordings: they were scaled with "
+                f"the test part in view (a nearest-neighbour rule reaches {outer:.3f} with it, and "
+                f"{inner:.3f} with scaling fitted within the fold).",
         mend="keep raw values, and fit scaling on the training part of each fold",
     )  # fmt: skip
 
@@ -69,7 +69,8 @@ def scaled_run(case: Case, run: Path) -> Finding:
     offset, factor, kind, known = _stored(run, case.touch)
     if kind != "standard":
         return Finding(kind="scaling of the run", verdict="clear",
-                       said=f"The run's scaling is {kind!r}: nothing in it is fitted.")  # fmt: skip
+                       message=f"The run's scaling is {kind!r}: nothing in it is fitted.",
+                       )  # fmt: skip
     folds = case.sides.folds if case.sides is not None else rows_folds(
         case.folds, case.pieces.trial)  # fmt: skip
     whole = _distance(case, offset, factor, np.arange(len(case.pieces)))
@@ -77,21 +78,21 @@ def scaled_run(case: Case, run: Path) -> Finding:
     inner, outer, usual = _near_neighbours(case)
     if nearest <= whole <= _FAR:
         return Finding(kind="scaling of the run", verdict="clear",
-                       said="The run's scaling fits a training part better than all windows.",
+                       message="The run's scaling fits a training part better than all windows.",
                        )  # fmt: skip
     if whole > min(_FAR, nearest / 2):
         return Finding(kind="scaling of the run", verdict="not checked",
-                       said="The run's scaling fits neither all windows nor a training part: it is "
-                            "from other recordings or windows.",
+                       message="The run's scaling fits neither all windows nor a training part: it "
+                               "is from other recordings or windows.",
                        mend="name the recordings that it was trained on")  # fmt: skip
     refitted = case.sides is None or case.sides.name in known
     return Finding(
         kind="scaling of the run", verdict="note" if refitted else "leak", alone=outer,
         majority=usual,
-        said="The run's scaling is that of all windows "
-             f"({whole:.4f} deviations away, the nearest training part {nearest:.4f}): it was "
-             "fitted on every test part too (a nearest-neighbour rule reaches "
-             f"{outer:.3f} with it, and {inner:.3f} with scaling fitted within the fold).",
+        message="The run's scaling is that of all windows "
+                f"({whole:.4f} deviations away, the nearest training part {nearest:.4f}): it was "
+                "fitted on every test part too (a nearest-neighbour rule reaches "
+                f"{outer:.3f} with it, and {inner:.3f} with scaling fitted within the fold).",
         mend="quote accuracies of models refitted in each fold, never of this run itself",
     )  # fmt: skip
 

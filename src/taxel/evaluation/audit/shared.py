@@ -25,7 +25,7 @@ Partners = Sequence[NDArray[np.intp]]
 """For each test piece of a fold: the training pieces that give it away."""
 SESSIONS_UNKNOWN = Finding(
     kind="same session", verdict="not checked",
-    said="The recordings name no session (or day, operator, device).",
+    message="The recordings name no session (or day, operator, device).",
     mend="record it as a group; without it no session can be held out",
 )  # fmt: skip
 
@@ -67,7 +67,7 @@ def shared_moments(case: Case) -> list[Finding]:
         )  # fmt: skip
     else:
         together = "All fingers or cameras of a moment stay together."
-        findings.append(Finding(kind="views", verdict="clear", said=together))
+        findings.append(Finding(kind="views", verdict="clear", message=together))
     return findings
 
 
@@ -110,7 +110,8 @@ def _known_only(finding: Finding, key: str) -> Finding:
     """Return a finding as the note that the figure holds for what training has seen."""
     return replace(
         finding, verdict="note",
-        said=f"The same {several(key)} stand on both sides: the figure holds for known ones only.",
+        message=f"The same {several(key)} stand on both sides: the figure holds for known "
+                "ones only.",
         mend=f"say so, or hold out whole {several(key)} and add --unseen {key}",
     )  # fmt: skip
 
@@ -127,29 +128,30 @@ def one_class_folds(case: Case) -> Finding:
     y = case.touch.y[case.pieces.trial]
     every = set(y.tolist())
     names = case.touch.classes
-    said, right, total = [], 0, 0
+    problems, right, total = [], 0, 0
     for number, (train, test) in enumerate(case.sides.folds, 1):
         tested, trained = set(y[test].tolist()), set(y[train].tolist())
         right += int(np.bincount(y[test]).max())
         total += len(test)
         if len(tested) == 1 and len(every) > 1:
-            said.append(f"the test part of fold {number} holds {names[y[test[0]]]!r} only")
+            problems.append(f"the test part of fold {number} holds {names[y[test[0]]]!r} only")
         if tested - trained:
             lacks = names[min(tested - trained)]
-            said.append(f"the training part of fold {number} lacks {lacks!r}")
+            problems.append(f"the training part of fold {number} lacks {lacks!r}")
         elif len(trained) == 1:
-            said.append(f"the training part of fold {number} holds {names[y[train[0]]]!r} only")
-    if not said:
+            problems.append(f"the training part of fold {number} holds {names[y[train[0]]]!r} only")
+    if not problems:
         return Finding(kind="one-class folds", verdict="clear",
-                       said="Every fold tests several classes, all of them trained.")  # fmt: skip
-    more = f", and {len(said) - 1} more" if len(said) > 1 else ""
+                       message="Every fold tests several classes, all of them trained.",
+                       )  # fmt: skip
+    more = f", and {len(problems) - 1} more" if len(problems) > 1 else ""
     return Finding(
         kind="one-class folds", verdict="leak", alone=right / total,
         majority=majority(y, case.sides.folds),
-        said=f"{said[0][0].upper()}{said[0][1:]}{more}: one constant answer per fold is enough, "
-             "without touch.",
+        message=f"{problems[0][0].upper()}{problems[0][1:]}{more}: one constant answer per fold "
+                "is enough, without touch.",
         mend="deal out groups so that each fold holds every class, or pool the folds' predictions",
-        examples=tuple(said[:3]),
+        examples=tuple(problems[:3]),
     )  # fmt: skip
 
 
@@ -159,7 +161,7 @@ def future_labels(case: Case) -> Finding:
     label_s = case.pieces.label_s
     if np.isnan(label_s).all():
         return Finding(kind="future", verdict="not checked",
-                       said="The split does not say for which moment a window is labelled.",
+                       message="The split does not say for which moment a window is labelled.",
                        mend="add a column label_s to the table of --folds")  # fmt: skip
     over = case.pieces.end_s(case.touch) - label_s
     late = over > 1e-3
@@ -167,7 +169,7 @@ def future_labels(case: Case) -> Finding:
         return Finding(
             kind="future",
             verdict="clear",
-            said="No window reaches beyond the moment whose label it carries.",
+            message="No window reaches beyond the moment whose label it carries.",
         )
     y = case.touch.y[case.pieces.trial]
     right = total = 0
@@ -178,8 +180,8 @@ def future_labels(case: Case) -> Finding:
     return Finding(
         kind="future", verdict="leak", alone=right / total,
         majority=majority(y, case.sides.folds),
-        said=f"{int(late.sum())} of {len(late)} windows hold moments after the one whose label "
-             f"they carry, up to {np.nanmax(over):.2f} s: they have seen the answer.",
+        message=f"{int(late.sum())} of {len(late)} windows hold moments after the one whose label "
+                f"they carry, up to {np.nanmax(over):.2f} s: they have seen the answer.",
         mend="end each window at or before the moment whose label it is to predict",
     )  # fmt: skip
 
@@ -215,6 +217,6 @@ def _fact(
 ) -> Finding:
     alone, usual, count, total = looked_up
     if not count:
-        return Finding(kind=kind, verdict="clear", said=clear)
-    return Finding(kind=kind, verdict="leak", said=f"{count} of {total} {what}.", mend=mend,
+        return Finding(kind=kind, verdict="clear", message=clear)
+    return Finding(kind=kind, verdict="leak", message=f"{count} of {total} {what}.", mend=mend,
                    alone=alone, majority=usual)  # fmt: skip

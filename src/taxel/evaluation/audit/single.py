@@ -67,13 +67,14 @@ def _apart(touch: TouchSet, pairs: Pairs) -> Pairs:
 
 _FEW_SAY = Finding(
     kind="duplicates", verdict="not checked",
-    said=f"Too few channels (of at least {LEAST}) hold values fine enough to distinguish copies of "
-         "single readings from chance.",
+    message=f"Too few channels (of at least {LEAST}) hold values fine enough to distinguish copies "
+            "of single readings from chance.",
     mend="record finer steps, more channels, or several rows a trial",
 )  # fmt: skip
 _FEW_CHANNELS = Finding(
     kind="near-duplicates", verdict="not checked",
-    said=f"Single readings of fewer than {LEAST + 2} channels are met by scale and offset alone.",
+    message=f"Single readings of fewer than {LEAST + 2} channels are met by scale and offset "
+            "alone.",
     mend="record more channels, or several rows a trial",
 )  # fmt: skip
 

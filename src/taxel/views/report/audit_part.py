@@ -57,18 +57,19 @@ def audit_part(audit: Audit) -> Html:
         parts.append(tag("p", f"Looked for and not found: {', '.join(clear)}."))
     few = [finding for finding in audit.findings if finding.verdict == "too few"]
     parts += [
-        tag("p", f"Could not be decided, {finding.kind}: {finding.said}", "quiet")
+        tag("p", f"Could not be decided, {finding.kind}: {finding.message}", "quiet")
         for finding in few
     ]
     parts += [
-        tag("p", f"Not checked, {finding.kind}: {finding.said}", "quiet") for finding in unchecked
+        tag("p", f"Not checked, {finding.kind}: {finding.message}", "quiet")
+        for finding in unchecked
     ]
     parts += [tag("p", note, "quiet") for note in audit.notes]
     return join(parts)
 
 
 def _row(finding: Finding) -> list[object]:
-    said = join([finding.said, f" To mend: {finding.mend}." if finding.mend else ""])
+    message = join([finding.message, f" To mend: {finding.mend}." if finding.mend else ""])
     examples = tag("small", f" ({'; '.join(finding.examples)})") if finding.examples else ""
     shown = Html(f'<span class="{_KIND[finding.verdict]}" title="{MEANING[finding.verdict]}">')
     return [
@@ -77,7 +78,7 @@ def _row(finding: Finding) -> list[object]:
         percent(finding.alone),
         percent(finding.majority),
         chance(finding),
-        join([Html('<span class="said">'), said, examples, Html("</span>")]),
+        join([Html('<span class="said">'), message, examples, Html("</span>")]),
     ]
 
 

@@ -106,7 +106,7 @@ def _groups(found: Audit) -> list[str]:
 def _in_words(finding: Finding, everything: bool) -> Text:
     text = Text()
     text.append(f"{visible_line(finding.kind)}: ", style=_STYLE[finding.verdict])
-    text.append(visible_line(finding.said))
+    text.append(visible_line(finding.message))
     if finding.examples:
         shown = finding.examples if everything else finding.examples[:SHOWN]
         rest = len(finding.examples) - len(shown)
