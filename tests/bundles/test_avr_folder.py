@@ -94,7 +94,7 @@ def test_the_command_writes_a_folder_and_its_report(
     assert written.classes == trained.bundle.contract.classes
     with pytest.raises(SystemExit) as ended:
         main(["bundle", str(trained.run), "--output", str(output), "--reference-mv", "5000"])
-    said = capsys.readouterr().err
+    message = capsys.readouterr().err
     assert ended.value.code == 2
-    assert "--board beside --reference-mv" in said
-    assert said.count("\n") == 1
+    assert "--board beside --reference-mv" in message
+    assert message.count("\n") == 1

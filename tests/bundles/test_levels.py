@@ -294,10 +294,10 @@ def test_c_and_report_say_that_the_board_does_not_test_for_the_unknown(
         path, tmp_path / "c", record(tmp_path / "a.mcap", GRASPS, OLD), reference_mv=3300
     )
 
-    said = "novel touch"
-    assert (said in "\n".join(report.lines())) == tested
-    assert (said in (tmp_path / "c" / "avr_report.json").read_text()) == tested
-    assert (said in (tmp_path / "c" / "taxel_model.h").read_text()) == tested
+    test_name = "novel touch"
+    assert (test_name in "\n".join(report.lines())) == tested
+    assert (test_name in (tmp_path / "c" / "avr_report.json").read_text()) == tested
+    assert (test_name in (tmp_path / "c" / "taxel_model.h").read_text()) == tested
 
 
 @pytest.mark.parametrize("tare", [False, True])

@@ -178,11 +178,11 @@ def test_keys_of_ssh_keygen_are_keys_here(tmp_path):
     subprocess.run([*run, "-N", ""], check=True)
     (tmp_path / "b.taxel").write_bytes(signed(pack(MEMBERS), read_key(tmp_path / "k")))
     trust = read_trust(tmp_path / "k.pub")
-    said = subprocess.run(["ssh-keygen", "-l", "-f", tmp_path / "k.pub"], capture_output=True,
-                          check=True, text=True).stdout  # fmt: skip
+    printed = subprocess.run(["ssh-keygen", "-l", "-f", tmp_path / "k.pub"], capture_output=True,
+                             check=True, text=True).stdout  # fmt: skip
 
     assert unpack(tmp_path / "b.taxel", tuple(MEMBERS), trust) == MEMBERS
-    assert fingerprint(trust.keys[0]) in said
+    assert fingerprint(trust.keys[0]) in printed
 
 
 @needs_ssh
@@ -225,17 +225,17 @@ def test_live_refuses_in_one_line_what_it_does_not_trust(tmp_path, key, capsys):
     for more in ([], ["--record", str(tmp_path / "r.mcap")]):
         with pytest.raises(SystemExit) as ended:
             main([*words, "--seconds", "1", *more])
-        said = capsys.readouterr().err.splitlines()
+        lines = capsys.readouterr().err.splitlines()
         assert ended.value.code == 2
-        (line,) = [line for line in said if line.startswith("taxel: ")]
+        (line,) = [line for line in lines if line.startswith("taxel: ")]
         assert "without a signature" in line
 
 
 def test_a_key_is_made_from_the_command_line(tmp_path, capsys):
     main(["bundle", "--new-key", str(tmp_path / "k")])
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
 
-    assert "SHA256:" in said
+    assert "SHA256:" in printed
     with pytest.raises(SystemExit) as ended:
         main(["bundle", "--new-key", str(tmp_path / "k")])
     assert ended.value.code == 2

@@ -30,7 +30,7 @@ def put(path: Path, text: str, folder: bool) -> Path:
     return path
 
 
-def said(path: Path) -> str:
+def content(path: Path) -> str:
     return (path / "run.json" if path.is_dir() else path).read_text()
 
 
@@ -60,8 +60,8 @@ def test_each_version_is_kept_and_knows_what_it_was_made_from(path: Path, folder
     assert adapt(path, "three", folder) == 3
 
     found = read_history(path)
-    assert said(path) == "three"
-    assert [said(kept_path(path, number)) for number in (1, 2)] == ["one", "two"]
+    assert content(path) == "three"
+    assert [content(kept_path(path, number)) for number in (1, 2)] == ["one", "two"]
     assert found.current == 3
     assert found.version(3).parent == found.version(2).digest
     assert found.version(2).parent == found.version(1).digest
@@ -76,12 +76,12 @@ def test_rolling_back_gives_the_same_bytes_and_keeps_the_later_version(
     adapt(path, "three", folder)
 
     assert roll_back(path).number == 2
-    assert said(path) == "two"
-    assert said(kept_path(path, 3)) == "three"
+    assert content(path) == "two"
+    assert content(kept_path(path, 3)) == "three"
     assert roll_back(path, 3).number == 3
-    assert said(path) == "three"
+    assert content(path) == "three"
     assert roll_back(path, 1).number == 1
-    assert (said(path), read_history(path).current) == ("one", 1)
+    assert (content(path), read_history(path).current) == ("one", 1)
 
 
 def test_adapting_after_a_roll_back_goes_on_counting(path: Path, folder: bool) -> None:
@@ -91,7 +91,7 @@ def test_adapting_after_a_roll_back_goes_on_counting(path: Path, folder: bool) -
     assert adapt(path, "three", folder) == 3
     found = read_history(path)
     assert found.version(3).parent == found.version(1).digest
-    assert said(kept_path(path, 2)) == "two"
+    assert content(kept_path(path, 2)) == "two"
 
 
 @pytest.mark.parametrize("step", range(6))
@@ -119,11 +119,11 @@ def test_a_kill_at_any_step_loses_no_version(
             replace_with(path, new_path(path), Change(what="three"))
 
     found = read_history(path)
-    texts = {said(path)} | {said(path) for path in path.parent.glob(f"{path.stem}.v[0-9]*")
-                            if path.suffix != ".json"}  # fmt: skip
+    texts = {content(path)} | {content(path) for path in path.parent.glob(f"{path.stem}.v[0-9]*")
+                               if path.suffix != ".json"}  # fmt: skip
     assert {"one", "two"} <= texts
-    assert said(path) in ("two", "three")
-    assert found.current == {"two": 2, "three": 3}[said(path)]
+    assert content(path) in ("two", "three")
+    assert found.current == {"two": 2, "three": 3}[content(path)]
 
 
 def test_a_version_whose_file_is_gone_cannot_come_back(path: Path, folder: bool) -> None:
@@ -133,7 +133,7 @@ def test_a_version_whose_file_is_gone_cannot_come_back(path: Path, folder: bool)
 
     with pytest.raises(BadInput, match="version 1"):
         roll_back(path)
-    assert said(path) == "two"
+    assert content(path) == "two"
 
 
 def test_there_is_nothing_to_go_back_to_at_first(path: Path) -> None:
@@ -168,13 +168,13 @@ def test_what_is_no_version_is_never_touched(path: Path, folder: bool) -> None:
     adapt(path, "three", folder)
 
     found = read_history(path)
-    assert (said(own), said(later), said(path)) == ("my own", "mine too", "three")
+    assert (content(own), content(later), content(path)) == ("my own", "mine too", "three")
     assert roll_back(path).change.what == "two"
-    assert said(path) == "two"
+    assert content(path) == "two"
     assert roll_back(path).change.what == "found without a history"
-    assert said(path) == "one"
-    assert (said(own), said(later)) == ("my own", "mine too")
-    assert said(kept_path(path, found.current)) == "three"
+    assert content(path) == "one"
+    assert (content(own), content(later)) == ("my own", "mine too")
+    assert content(kept_path(path, found.current)) == "three"
 
 
 def test_something_put_where_a_version_goes_back_to_is_left_alone(path: Path, folder: bool) -> None:
@@ -183,8 +183,8 @@ def test_something_put_where_a_version_goes_back_to_is_left_alone(path: Path, fo
 
     roll_back(path)
 
-    assert (said(own), said(path)) == ("my own", "one")
-    assert said(kept_path(path, 3)) == "two"
+    assert (content(own), content(path)) == ("my own", "one")
+    assert content(kept_path(path, 3)) == "two"
     assert read_history(path).version(3).change.what == "two"
 
 
@@ -193,7 +193,7 @@ def test_moving_a_damaged_history_away_destroys_no_version(path: Path, folder: b
     history_path(path).unlink()
 
     assert adapt(path, "three", folder) == 3
-    assert [said(kept_path(path, number)) for number in (1, 2)] == ["one", "two"]
+    assert [content(kept_path(path, number)) for number in (1, 2)] == ["one", "two"]
 
 
 def test_someones_own_folder_beside_a_missing_one_is_not_taken_for_a_kill(tmp_path: Path) -> None:
@@ -214,7 +214,7 @@ def test_the_same_again_makes_no_version_and_rolling_back_goes_back(
     assert len(read_history(path).versions) == 2
     assert not new_path(path).exists()
     assert roll_back(path).number == 1
-    assert said(path) == "one"
+    assert content(path) == "one"
 
 
 def test_a_former_version_made_again_is_that_version(path: Path, folder: bool) -> None:
@@ -224,7 +224,7 @@ def test_a_former_version_made_again_is_that_version(path: Path, folder: bool) -
     assert adapt(path, "two", folder) == 2
     assert [version.number for version in read_history(path).versions] == [1, 2, 3]
     assert roll_back(path).number == 1
-    assert said(kept_path(path, 3)) == "three"
+    assert content(kept_path(path, 3)) == "three"
 
 
 def test_an_older_history_with_the_same_twice_still_goes_back(path: Path, folder: bool) -> None:
@@ -236,7 +236,7 @@ def test_an_older_history_with_the_same_twice_still_goes_back(path: Path, folder
     shutil.copytree(path, kept_path(path, 2)) if folder else shutil.copy(path, kept_path(path, 2))
 
     assert roll_back(path).number == 1
-    assert said(path) == "one"
+    assert content(path) == "one"
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ class Hands:
     """Answers as a person would: presses what is asked for, then types what the gauge showed."""
 
     def __init__(self, source: GaugeSource, answers: list[str]) -> None:
-        self.source, self.answers, self.said = source, answers, []
+        self.source, self.answers, self.messages = source, answers, []
 
     def ask(self, question: str) -> str:
         answer = self.answers.pop(0)
@@ -93,7 +93,7 @@ def test_presses_are_marked_where_they_were(tmp_path: Path) -> None:
     asked = asked_presses([0, 4], [0.5, 1.0], rounds=1)
 
     made = record_presses(
-        source, tmp_path / "raw.mcap", asked, hands.ask, hands.said.append, SystemClock()
+        source, tmp_path / "raw.mcap", asked, hands.ask, hands.messages.append, SystemClock()
     )
 
     recording = read_recording(tmp_path / "raw.mcap")
@@ -104,8 +104,8 @@ def test_presses_are_marked_where_they_were(tmp_path: Path) -> None:
         ("index-proximal", "0.93", "up"),
         ("index-proximal", "1", "down"),
     ]
-    assert any("newtons above 0" in line for line in hands.said)
-    assert any("no press seen on index-proximal" in line for line in hands.said)
+    assert any("newtons above 0" in line for line in hands.messages)
+    assert any("no press seen on index-proximal" in line for line in hands.messages)
     samples = recording.samples
     for mark in recording.marks:
         inside = (samples.fitted_s >= mark.start_s) & (samples.fitted_s <= mark.end_s)
@@ -127,7 +127,7 @@ def test_the_end_of_the_input_ends_as_q_does_and_keeps_what_was_pressed(tmp_path
 
     asked = asked_presses([0], [0.5, 1.0], rounds=2)
     made = record_presses(
-        source, tmp_path / "raw.mcap", asked, ask, hands.said.append, SystemClock()
+        source, tmp_path / "raw.mcap", asked, ask, hands.messages.append, SystemClock()
     )
 
     assert made == 1

@@ -52,12 +52,12 @@ def test_two_combinations_of_one_text_are_refused() -> None:
         {"shape": "big", "material": "cup glass"},
         {"shape": "big cup", "material": "glass"},
     )
-    said = (
+    message = (
         "needed values of shape+material that differ once they are joined by a blank; got shape "
         "'big', material 'cup glass' and shape 'big cup', material 'glass' in folder, both "
         "'big cup glass'; rename a value"
     )
-    with pytest.raises(BadDataset, match=said.replace("+", r"\+")):
+    with pytest.raises(BadDataset, match=message.replace("+", r"\+")):
         only_labelled(labelled(cup, BALL, big), TARGET, FOLDER)
     of_two = [with_joined_label(trial, TARGET) for trial in labelled(cup, big).trials]
     with pytest.raises(BadDataset, match="both 'big cup glass'"):  # of a folder to test on, too

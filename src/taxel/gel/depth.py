@@ -169,18 +169,18 @@ class DepthModel:
 
     def check(self, presses: Sequence[Press]) -> FitCheck:
         """Return the errors of slope and depth on ball presses; use presses left out of the fit."""
-        truth, said, errors, depths = [], [], [], []
+        truth, predicted, errors, depths = [], [], [], []
         for press in map(_at_working_size, presses):
             inside, (gx, gy) = press.inside(), press.gradient()
             found = self.gradients(press.image, press.background)
             truth.append(np.stack([gx[inside], gy[inside]]))
-            said.append(np.stack([part[inside] for part in found]))
+            predicted.append(np.stack([part[inside] for part in found]))
             depth, true = depth_from_gradients(*found, press.mm_per_px), press.depth_mm()
             level = float(np.mean(depth[inside]) - np.mean(true[inside]))
             errors.append(float(np.mean(np.abs(depth[inside] - level - true[inside]))))
             depths.append(float(true.max()))
-        all_true, all_said = np.concatenate(truth, axis=1), np.concatenate(said, axis=1)
-        left = ((all_true - all_said) ** 2).sum(axis=1)
+        all_true, all_predicted = np.concatenate(truth, axis=1), np.concatenate(predicted, axis=1)
+        left = ((all_true - all_predicted) ** 2).sum(axis=1)
         spread = ((all_true - all_true.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
         r2 = 1 - left / spread
         error, depth_mm = float(np.median(errors)), float(np.median(depths))

@@ -85,12 +85,12 @@ def refuse_merged(trials: Sequence[Trial], target: str, folder: Path) -> None:
         parts = parts_of(target, [trial.labels])
         if target not in trial.labels or len(parts) < 2:
             continue
-        said = ", ".join(f"{part} {trial.labels[part]!r}" for part in parts)
+        combination = ", ".join(f"{part} {trial.labels[part]!r}" for part in parts)
         value = trial.labels[target]
-        if known.setdefault(value, said) != said:
+        if known.setdefault(value, combination) != combination:
             raise BadDataset(
                 f"values of {target} that differ once they are joined by a blank",
-                f"{known[value]} and {said} in {folder}, both {value!r}",
+                f"{known[value]} and {combination} in {folder}, both {value!r}",
                 "rename a value, such as cup-glass for 'cup glass', and import again",
             )
 

@@ -204,10 +204,10 @@ def _describe(backbone: str, path: Path, *, own: bool = False) -> Weights:
 
 def _side_px(about: About | None) -> int | None:
     """Return the side of the images that a file says it was trained on, pixels."""
-    said = about.side_px if about else ""
-    if not said.isdecimal() or not LEAST_SIDE_PX <= int(said) <= MOST_SIDE_PX:
+    side_text = about.side_px if about else ""
+    if not side_text.isdecimal() or not LEAST_SIDE_PX <= int(side_text) <= MOST_SIDE_PX:
         return None
-    return int(said)
+    return int(side_text)
 
 
 def _look_into(path: Path) -> tuple[About | None, str]:

@@ -175,6 +175,6 @@ def _compile(command: list[str]) -> str:
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=_LONGEST_S)
     if done.returncode:
         lines = (done.stderr.strip() or "no word").splitlines()
-        said = next((line for line in lines if "error" in line), lines[0])
-        raise BadInput(f"{command[0]} to compile the network", said, "report this as a fault")
+        error = next((line for line in lines if "error" in line), lines[0])
+        raise BadInput(f"{command[0]} to compile the network", error, "report this as a fault")
     return done.stdout

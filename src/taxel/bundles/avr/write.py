@@ -161,19 +161,19 @@ def reference_of(sensor: SensorInfo) -> int:
     Raises:
         BadInput: They do not say it, or boards differ.
     """
-    said = {round(1000 * _volts(sensor.details["reference_v"]))} \
+    levels_mv = {round(1000 * _volts(sensor.details["reference_v"]))} \
         if "reference_v" in sensor.details else {
             int(level) for text in sensor.details.values()
             for level in re.findall(r"reference (\d{1,6}) mV", text)
         }  # fmt: skip
-    if len(said) != 1 or not 1 <= min(said) <= _LARGEST_MV:
+    if len(levels_mv) != 1 or not 1 <= min(levels_mv) <= _LARGEST_MV:
         raise BadInput(
             "one voltage of the board's converter",
-            " and ".join(f"{level} mV" for level in sorted(said))
+            " and ".join(f"{level} mV" for level in sorted(levels_mv))
             or "recordings that do not say it",
             "say --reference-mv 5000, or 3300 with 3.3 V on the pin AREF",
         )
-    return said.pop()
+    return levels_mv.pop()
 
 
 def _volts(text: str) -> float:
