@@ -67,10 +67,10 @@ def test_majority_is_what_the_best_constant_answer_reaches_whatever_is_held_out(
     trivial = trivial_accuracies(dataset, "shape", split.folds)
     assert trivial["majority"] == 1 / 3
     assert trivial["length of the trial"] < 1 / 3
-    said = below_majority(trivial)
-    assert said is not None
-    assert "length of the trial" in said
-    assert "channel means" not in said
+    sentence = below_majority(trivial)
+    assert sentence is not None
+    assert "length of the trial" in sentence
+    assert "channel means" not in sentence
     assert below_majority({"majority": 0.3, "channel means": 0.3}) is None
 
 

@@ -102,10 +102,10 @@ def test_a_moment_outside_its_recording_is_refused(tmp_path: Path) -> None:
         "s0,55.01,unused": "got 55.01 s in folds.csv, line 5; give start_s on the recording's own",
         "s1,59.99,test": "within 60 and 115 s, as s1 lasts; got 59.99 s",
     }
-    for row, said in cases.items():
+    for row, message in cases.items():
         with pytest.raises(BadTable) as error:
             split(tmp_path, *STARTS, row, dataset=dataset)
-        assert said in str(error.value)
+        assert message in str(error.value)
         assert "\n" not in str(error.value)
 
 
@@ -249,15 +249,15 @@ def test_a_class_that_is_tested_must_be_trained(tmp_path: Path) -> None:
         split(tmp_path, "recording,side", "s0,train", "s1,train", "s2,test", dataset=dataset)
 
 
-@pytest.mark.parametrize(("lines", "said"), [
+@pytest.mark.parametrize(("lines", "message"), [
     (("group:shape,side", "cube,train", "x,test"), "import again with it as group:shape, too"),
     (("group:trial,side", "1,train", "2,test"), "import them as group:trial_number"),
     (("session,side", "s0,train"), r"tabs: group:session if session is a group\."),
     (("group:trial,side", "1,train", "2,test"), r"and \d+ more\); got '1'"),
 ])  # fmt: skip
 def test_what_people_write_instead_is_answered_with_what_to_write(
-    tmp_path: Path, lines: tuple[str, ...], said: str
+    tmp_path: Path, lines: tuple[str, ...], message: str
 ) -> None:
-    with pytest.raises(BadTable, match=said) as caught:
+    with pytest.raises(BadTable, match=message) as caught:
         split(tmp_path, *lines)
     assert len(str(caught.value)) < 500

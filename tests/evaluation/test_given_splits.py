@@ -163,10 +163,10 @@ def test_unknown_is_no_answer_and_right_for_what_was_never_learned(
     """Of a class that the bundle lacks, every answer but UNKNOWN is wrong."""
     other = make_pads(tmp_path / "strange", (5,), ("2", "6"))
     found = score_bundle(bundle, other)
-    said = found.confusion["6"]
+    answers = found.confusion["6"]
 
     (part,) = [part for part in found.parts.classes if part.name == "6"]
-    assert part.accuracy == said.get(UNKNOWN, 0) / part.windows
+    assert part.accuracy == answers.get(UNKNOWN, 0) / part.windows
 
 
 def test_a_table_of_groups_is_resampled_by_the_group_that_it_holds_out(tmp_path: Path) -> None:

@@ -202,7 +202,7 @@ def test_the_order_of_windows_does_not_matter():
 
 
 @pytest.mark.parametrize(
-    ("other", "said"),
+    ("other", "message"),
     [
         (make_run([0.5, 0.5], digest="xyz"), "recordings"),
         (make_run([0.5, 0.5], target="material"), "target"),
@@ -211,8 +211,8 @@ def test_the_order_of_windows_does_not_matter():
         (replace(make_run([0.5, 0.5]), predictions=None), "predictions"),
     ],
 )
-def test_runs_that_were_not_tested_alike_are_refused(other: Run, said: str):
-    with pytest.raises(BadInput, match=said):
+def test_runs_that_were_not_tested_alike_are_refused(other: Run, message: str):
+    with pytest.raises(BadInput, match=message):
         compare_runs(make_run([0.5, 0.5]), other)
 
 

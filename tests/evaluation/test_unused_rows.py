@@ -68,7 +68,7 @@ def test_bundles_and_runs_are_scored_without_what_is_unused(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("lines", "said"),
+    ("lines", "message"),
     [
         ((HEAD, "s0,train,", "s1,test,", "s0.mcap,unused,"),
          "got 's0' as unused in folds.csv, line 4, and as train in line 2"),
@@ -82,13 +82,13 @@ def test_bundles_and_runs_are_scored_without_what_is_unused(tmp_path: Path) -> N
     ],
 )  # fmt: skip
 def test_a_line_that_contradicts_another_is_refused(
-    tmp_path: Path, lines: tuple[str, ...], said: str
+    tmp_path: Path, lines: tuple[str, ...], message: str
 ) -> None:
     """The very same thing, by any spelling, cannot be unused and on a side."""
     with pytest.raises(BadInput) as error:
         split_by_table(table(tmp_path, *lines), make_dataset(), "shape", RECORDINGS)
 
-    assert said in str(error.value)
+    assert message in str(error.value)
     assert "\n" not in str(error.value)
 
 
@@ -97,11 +97,11 @@ def test_camera_trials_cannot_be_unused_under_another_name(tmp_path: Path) -> No
     rows = ("recording,side", "t0,train", "t1,test", "t2,train", "t3,unused", "0,unused")
     path = tmp_path / "folds.csv"
     table(tmp_path, *rows)
-    said = r"t0 as train in folds\.csv, line 2, and as unused in another"
+    message = r"t0 as train in folds\.csv, line 2, and as unused in another"
 
-    with pytest.raises(BadSplit, match=said):
+    with pytest.raises(BadSplit, match=message):
         cameras.split_by_table(NAMES, GROUPS, np.array([0, 1, 1, 0]), path)
-    with pytest.raises(BadSplit, match=said):
+    with pytest.raises(BadSplit, match=message):
         cameras.trials_to_score(NAMES, GROUPS, read_fold_table(path, to_score=True))
     with pytest.raises(BadTable, match=r"as unused in folds\.csv, line 4, and as test in line 3"):
         table(tmp_path, "recording,side", "t0,train", "t1,test", "t1,unused")

@@ -267,8 +267,8 @@ def _reasons(decisions: list[Decision]) -> dict[str, int]:
 
 def _confusion(truth: NDArray[np.str_], answers: NDArray[np.str_]) -> dict[str, dict[str, int]]:
     return {
-        str(name): {str(said): int(((truth == name) & (answers == said)).sum())
-                    for said in in_order(answers[truth == name].tolist())}
+        str(name): {str(answer): int(((truth == name) & (answers == answer)).sum())
+                    for answer in in_order(answers[truth == name].tolist())}
         for name in in_order(truth.tolist())
     }  # fmt: skip
 

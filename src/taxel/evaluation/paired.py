@@ -210,8 +210,8 @@ def predictions_of_both(first: Run, second: Run) -> tuple[Predictions, Predictio
     return one, two
 
 
-def _refuse_others(said: Mapping[str, tuple[str, str]]) -> None:
-    for what, (ours, theirs) in said.items():
+def _refuse_others(settings: Mapping[str, tuple[str, str]]) -> None:
+    for what, (ours, theirs) in settings.items():
         if ours != theirs:
             raise BadInput(
                 f"two runs of the same {what}", f"{ours} and {theirs}",
@@ -281,11 +281,11 @@ def _ordered(found: Predictions) -> Predictions:
 def _verdict(found: Paired, first: str, second: str) -> str:
     n, points = len(found.groups), 100 * found.difference
     groups = f"{n} {found.group}s"
-    said = []
+    sentences = []
     if not found.only_first and not found.only_second:
-        said.append("The two runs are right and wrong on the very same windows.")
+        sentences.append("The two runs are right and wrong on the very same windows.")
     elif n < 2:
-        said.append(
+        sentences.append(
             f"No difference can be claimed: all windows are of one {found.group}, which says "
             "nothing of another."
         )
@@ -293,36 +293,36 @@ def _verdict(found: Paired, first: str, second: str) -> str:
         better = second if points > 0 else first
         better = better[0].upper() + better[1:] if better.startswith("the ") else better
         low, high = (100 * bound for bound in found.interval)
-        said.append(
+        sentences.append(
             f"{better} is better by {abs(points):.1f} points over {groups} (second minus first, "
             f"95 %: {low:+.1f} to {high:+.1f}), p {_p(found.p_groups)}."
         )
     elif found.smallest_p >= LEVEL:
-        said.append(
+        sentences.append(
             f"No difference can be claimed with {groups}: the smallest possible p is "
             f"{found.smallest_p:.2g}. Record more of them."
         )
     else:
-        said.append(
+        sentences.append(
             f"No difference can be claimed: p {_p(found.p_groups)} over {groups} (the smallest "
             f"possible is {found.smallest_p:.2g})."
         )
     if found.p_groups >= LEVEL and found.p_windows < LEVEL:
-        said.append(
+        sentences.append(
             f"The test over windows alone says p {_p(found.p_windows)}, but windows of one "
             f"{found.group} are alike: it promises too much."
         )
     if found.group != found.coarsest:
-        said.append(
+        sentences.append(
             f"{found.group.capitalize()}s of one {found.coarsest} are alike too: it promises much."
         )
     if found.lone not in (None, found.group):
-        said.append(
+        sentences.append(
             f"Only one {found.lone} was tested: this says nothing about other {found.lone}s."
         )
     if "leaks" in found.split:
-        said.append("The split leaks: whatever is better here need not be on new recordings.")
-    return " ".join(said)
+        sentences.append("The split leaks: whatever is better here need not be on new recordings.")
+    return " ".join(sentences)
 
 
 def _p(value: float) -> str:

@@ -201,7 +201,7 @@ def baseline_warning(
         trivial: Baseline → accuracy, 0…1; at least one.
     """
     shown = f"{name} ({accuracy:.1%})".replace("%", " %")
-    standing, said = beside_baselines(shown, accuracy, interval, group, trivial)
+    standing, comparison = beside_baselines(shown, accuracy, interval, group, trivial)
     more = f"record more {group}s"
     mend = {
         "behind": "do not claim this accuracy; run taxel audit to find what gives the label away, "
@@ -209,7 +209,7 @@ def baseline_warning(
         "near": f"the difference may be chance; {more}",
         "few": "record more of them",
     }
-    return f"{said}: {mend[standing]}" if standing in mend else None
+    return f"{comparison}: {mend[standing]}" if standing in mend else None
 
 
 def unnamed_line(predictions: Predictions) -> str | None:
@@ -227,11 +227,11 @@ def unnamed_line(predictions: Predictions) -> str | None:
     if not share:
         return f"warning: live would answer UNKNOWN to all of these test windows, {asked}"
     right = f"{100 * predictions.correct[named].mean():.1f} % of them rightly"
-    said = (
+    sentence = (
         f"live would name {100 * share:.1f} % of these test windows, {right}; it answers UNKNOWN "
         f"to the others, {asked}"
     )
-    return f"warning: {said}; record more" if share < FEW_NAMED else said
+    return f"warning: {sentence}; record more" if share < FEW_NAMED else sentence
 
 
 def blind_baselines(predictions: Predictions) -> tuple[str, ...]:
@@ -264,8 +264,8 @@ def few_groups(group: str, groups: int) -> str | None:
     """Return a warning on an interval of so few groups that it promises too much."""
     if smallest_p(groups) < LEVEL:
         return None
-    said = "no interval" if groups < 2 else "the interval is about their lowest and highest"
-    return f"{_count(groups, group)}: {said}; record more"
+    width_note = "no interval" if groups < 2 else "the interval is about their lowest and highest"
+    return f"{_count(groups, group)}: {width_note}; record more"
 
 
 def only_one(lone: str | None, group: str) -> str | None:

@@ -64,9 +64,9 @@ def objects_on_both(trials: Sequence[Trial], y: NDArray[np.intp], split: Split) 
     if held_out(split.name, trials) is not None:
         return []
     folds = [fold for fold in split.folds if isinstance(fold, TrialFold)]
-    said = [
+    lines = [
         on_both_sides(key, [trial.groups[key] for trial in trials], y, folds)
         for key in OBJECTS
         if all(key in trial.groups for trial in trials)
     ]
-    return [line for line in said if line]
+    return [line for line in lines if line]

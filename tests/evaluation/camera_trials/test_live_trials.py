@@ -131,22 +131,22 @@ def test_a_bundle_is_scored_on_the_test_part_that_it_did_not_learn(
         EvaluateTrials(trials=bundle, data=table, options=TrialOptions(folds=own), json=True).run()
         found.append(json.loads(capsys.readouterr().out))
     EvaluateTrials(trials=bundle, data=table, options=TrialOptions(folds=folds)).run()
-    said = " ".join(capsys.readouterr().out.split())
+    printed = " ".join(capsys.readouterr().out.split())
 
     assert [own["trials"] for own in found] == [4, 4]
     assert found[0]["split"] == "folds.csv, object held out"
     assert found[0]["warning"] is None
     assert found[1]["warning"].startswith("the bundle was trained on 4 of these trials")
-    assert "slipped · test part of folds.csv, object held out: accuracy" in said
-    assert " [one object], commonest class 0.500, AUC " in said
+    assert "slipped · test part of folds.csv, object held out: accuracy" in printed
+    assert " [one object], commonest class 0.500, AUC " in printed
 
     folds.write_text("recording,side\nt8c0,test\n")
     EvaluateTrials(trials=bundle, data=table, options=TrialOptions(folds=folds)).run()
-    said = " ".join(capsys.readouterr().out.split())
-    assert "test part of folds.csv: accuracy " in said
-    assert " [one trial], commonest class 1.000, no AUC (a class has no trial), log-loss" in said
-    assert " on 1 trial; UNKNOWN" in said
-    assert "nan" not in said
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "test part of folds.csv: accuracy " in printed
+    assert " [one trial], commonest class 1.000, no AUC (a class has no trial), log-loss" in printed
+    assert " on 1 trial; UNKNOWN" in printed
+    assert "nan" not in printed
 
 
 @pytest.mark.parametrize("grey", [False, True])

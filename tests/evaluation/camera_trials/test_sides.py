@@ -32,15 +32,15 @@ def test_objects_on_both_sides_are_counted(tmp_path: Path) -> None:
     table.write_text("recording,side\nt0,test\nt1,test\nt2,train\nt3,train\n")
     names = [f"t{i}" for i in range(16)]
 
-    said = shared_values(split_trials(column, Y, None, 5, 0), column, Y)
-    assert said is not None
-    assert said.startswith("2 of 2 tested objects are on both sides")
-    said = shared_values(split_trials(GROUPS, Y, "random", 4, 0), GROUPS, Y)
-    assert said is not None
-    assert said.startswith("4 of 4 tested objects")
-    said = shared_values(split_by_table(names, GROUPS, Y, table), GROUPS, Y)
-    assert said is not None
-    assert said.startswith("1 of 1 tested objects")
+    note = shared_values(split_trials(column, Y, None, 5, 0), column, Y)
+    assert note is not None
+    assert note.startswith("2 of 2 tested objects are on both sides")
+    note = shared_values(split_trials(GROUPS, Y, "random", 4, 0), GROUPS, Y)
+    assert note is not None
+    assert note.startswith("4 of 4 tested objects")
+    note = shared_values(split_by_table(names, GROUPS, Y, table), GROUPS, Y)
+    assert note is not None
+    assert note.startswith("1 of 1 tested objects")
     assert shared_values(split_trials(GROUPS, Y, "group:object", 4, 0), GROUPS, Y) is None
 
 
@@ -147,7 +147,7 @@ def test_trials_of_unlike_rates_are_refused_and_twins_are_named(
     assert load_trial_set(stills, None, tmp_path / "cache").layout.crop == 1
     table.write_text("\n".join([head, *lines, lines[1].replace("o1", "o9"), lines[2]]))
     TrialOptions()._read(table)
-    said = capsys.readouterr().err
-    assert "warning: the same images in 0002-" in said
-    assert "and 0005-" in said
-    assert "and in 1 more such sets: where a split parts them" in said
+    message = capsys.readouterr().err
+    assert "warning: the same images in 0002-" in message
+    assert "and 0005-" in message
+    assert "and in 1 more such sets: where a split parts them" in message

@@ -167,14 +167,14 @@ def test_nothing_unknown_is_refused(dataset: Dataset):
 def test_the_tables_hold_every_score_and_the_least_and_no_figure_is_cut(
     found: UnknownResult, width: int
 ):
-    said = printed(unknown_tables([found]), width) + printed(
+    lines = printed(unknown_tables([found]), width) + printed(
         left_out_table({"c3": found}, {}), width
     )
-    words = " ".join(said)
+    words = " ".join(lines)
     for score in SCORES:
         assert score in words
     assert f"{found.auroc('c3', OURS).windows:.3f}" in words
-    assert any(line.startswith(" least") for line in said)
+    assert any(line.startswith(" least") for line in lines)
     assert "…" not in words
 
 

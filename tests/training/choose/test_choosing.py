@@ -173,15 +173,15 @@ def test_one_training_part_is_chosen_for_once_and_its_own_choice_is_scored(
     table = tmp_path / "folds.csv"
     sides = {"s0": "unused", "s1": "train", "s2": "train", "s3": "test"}
     table.write_text("group:session,side\n" + "".join(f"{s},{o}\n" for s, o in sides.items()))
-    said: list[str] = []
+    messages: list[str] = []
 
     found = train_expert(
         Task(data=recordings, target="kind", split=OuterSplit(given=GivenSplit(table=table))),
-        Limits(minutes=0.05), on_step=said.append,
+        Limits(minutes=0.05), on_step=messages.append,
     )  # fmt: skip
 
     assert found.nested.choices == (found.choice,)
-    assert [line for line in said if line.startswith(("choosing", "training", "test"))] == [
+    assert [line for line in messages if line.startswith(("choosing", "training", "test"))] == [
         "choosing on the training part", "training what was chosen on the training part",
     ]  # fmt: skip
     assert found.nested.scores.scores.accuracy > 0.9

@@ -155,10 +155,10 @@ def by_session(
                 )
             jobs += [(path, config, target, name) for name in names[: config.sessions]]
 
-    def said(points: list[Any]) -> None:
+    def report(points: list[Any]) -> None:
         on_step(f"{what} · {points[0].target} · {points[0].session} held out")
 
-    found = side_by_side(work, jobs, said, config.workers)
+    found = side_by_side(work, jobs, report, config.workers)
     return [point for points in found for point in points]
 
 

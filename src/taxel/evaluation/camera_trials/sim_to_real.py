@@ -162,7 +162,7 @@ def transfer_once(
         centred, tested = centred @ turned, tested @ turned
     joined = _Joined(centred, joined.y, joined.real, joined.trial)
     penalty, share = _chosen(joined, both[-1], simulated is not None and labelled is not None, seed)
-    return mean_of_crops(_said(joined, penalty, share, tested, test.classes), test.trial)
+    return mean_of_crops(_probabilities(joined, penalty, share, tested, test.classes), test.trial)
 
 
 def _chosen(joined: _Joined, judged: Learning, mixed: bool, seed: int) -> tuple[float, Share]:
@@ -175,7 +175,7 @@ def _chosen(joined: _Joined, judged: Learning, mixed: bool, seed: int) -> tuple[
         for candidate in product(PENALTIES, SHARES if mixed else SHARES[:1]):
             held = np.full((len(judged.y), judged.classes), np.nan)
             for kept, out, trials in _inner(joined, parts):
-                crops = _said(kept, *candidate, out.rows, judged.classes)
+                crops = _probabilities(kept, *candidate, out.rows, judged.classes)
                 number = np.searchsorted(trials, out.trial).astype(np.intp)
                 held[trials] = mean_of_crops(crops, number)
             seen = np.isfinite(held[:, 0])
@@ -193,7 +193,7 @@ def _inner(
         yield joined.part(~out), joined.part(out), np.sort(held)
 
 
-def _said(
+def _probabilities(
     joined: _Joined, penalty: float, share: Share, rows: NDArray[np.floating], classes: int
 ) -> NDArray[np.float64]:
     model = LogisticRegression(C=penalty, max_iter=300)

@@ -175,12 +175,12 @@ def _classes(rows: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
 
 def _lost(rows: list[dict[str, Any]]) -> str:
     scans = sum(row["scans"] for row in rows)
-    said = []
+    parts = []
     if scans:
         values = sum(row["scans"] * len(row["channels"]) for row in rows)
         unusable = sum(row["unusable_values"] for row in rows)
         saturated = sum(row["saturated_values"] for row in rows)
-        said.append(
+        parts.append(
             f"{sum(row['lost_scans'] for row in rows):,} of {scans:,} scans lost, "
             f"{unusable / values:.2%} of values unusable, {saturated / values:.2%} saturated"
         )
@@ -188,8 +188,8 @@ def _lost(rows: list[dict[str, Any]]) -> str:
     if frames:
         lost = sum(camera["lost_frames"] for row in rows for camera in row["cameras"])
         repeated = sum(camera["repeated"] for row in rows for camera in row["cameras"])
-        said.append(f"{lost:,} of {frames:,} frames lost, {repeated:,} repeated")
-    return "; ".join(said) or "nothing recorded"
+        parts.append(f"{lost:,} of {frames:,} frames lost, {repeated:,} repeated")
+    return "; ".join(parts) or "nothing recorded"
 
 
 def _written(rows: list[dict[str, Any]]) -> str:

@@ -151,8 +151,8 @@ def _measure(folder: Path, rung: Rung, target: str, train: TrainConfig) -> tuple
         sessions = len(set(dataset.group("session")))
         split = by_group(dataset, target, "session", sessions, train.seed)
     pooled = pool(dataset, split, [run_fold(dataset, fold, job) for fold in split.folds])
-    said = f"{target} · {rung.name} · {split.name}: {pooled.scores.accuracy:.3f}"
-    return pooled.scores.accuracy, pooled.trial_accuracy, said
+    message = f"{target} · {rung.name} · {split.name}: {pooled.scores.accuracy:.3f}"
+    return pooled.scores.accuracy, pooled.trial_accuracy, message
 
 
 def _at_own_level(dataset: Dataset) -> Dataset:

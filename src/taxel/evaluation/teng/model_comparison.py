@@ -114,7 +114,9 @@ def compare_models(
     places = [(t, kind) for t in config.targets for kind in ("random", "held out")]
     jobs = [(path, config, target, kind, model) for target, kind in places
             for model in config.models]  # fmt: skip
-    results = side_by_side(_one_model, jobs, lambda job: on_step(_said(job)), config.workers)
+    results = side_by_side(
+        _one_model, jobs, lambda job: on_step(_progress_line(job)), config.workers
+    )
     trivial = side_by_side(
         trivial_company,
         [(path, config, target, kind) for target, kind in places],
@@ -179,5 +181,5 @@ def split_windows(
     return replace(split, folds=split.folds[: config.random_folds])
 
 
-def _said(result: ModelResult) -> str:
+def _progress_line(result: ModelResult) -> str:
     return f"{result.model} · {result.target} · {result.pooled.split}"

@@ -83,9 +83,9 @@ def label_sheet(
             pour=pour,
             signal=signal,
             by_rule={rule: rule_labels(pour, rule, signal) for rule in rules_of(pour)},
-            corrections=said,
+            corrections=correction,
         )
-        for pour, signal, said in zip(pours, signals, corrections, strict=True)
+        for pour, signal, correction in zip(pours, signals, corrections, strict=True)
     ]
 
 
@@ -114,11 +114,11 @@ def person_agreement(sheet: Sequence[PourLabels], rule: str) -> Agreement | None
     """
     rule_named(rule)
     both = [entry for entry in sheet if rule in entry.corrections and rule in entry.by_rule]
-    said = [labels for entry in both if (labels := entry.labels(rule)) is not None]
+    corrected = [labels for entry in both if (labels := entry.labels(rule)) is not None]
     if not both:
         return None
     (row,) = agreement(
-        {rule: [entry.by_rule[rule] for entry in both], PERSON: said},
+        {rule: [entry.by_rule[rule] for entry in both], PERSON: corrected},
         [entry.time_s for entry in both],
     )
     return row
