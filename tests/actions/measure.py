@@ -19,7 +19,7 @@ from taxel.clock import SystemClock
 from taxel.wire.messages import State
 
 
-def _said(name: str, seconds: list[float]) -> None:
+def _print_times(name: str, seconds: list[float]) -> None:
     p50, p99 = np.percentile(seconds, (50, 99)) * 1e3
     print(f"{name:44s} p50 {p50:8.3f}  p99 {p99:8.3f}  worst {max(seconds) * 1e3:8.3f} ms")
 
@@ -36,8 +36,8 @@ def measure_pge() -> None:
             time.sleep(0.025)
             took.append(gripper.latency.last_s)
         gripper.close()
-    _said("PGE: the call", calls)
-    _said("PGE: call to force and position acknowledged", took[5:])
+    _print_times("PGE: the call", calls)
+    _print_times("PGE: call to force and position acknowledged", took[5:])
 
 
 def measure_hand() -> None:
@@ -58,7 +58,7 @@ def measure_hand() -> None:
             while hand.status().state is not State.STOPPED:
                 time.sleep(0.001)
         hand.close()
-    _said("hand: stop to motors off", took)
+    _print_times("hand: stop to motors off", took)
 
 
 def measure_interlock() -> None:
@@ -74,7 +74,7 @@ def measure_interlock() -> None:
         took.append(time.perf_counter() - start)
         if i == 0:
             assert lock.arm(now) == ()
-    _said("interlock: all words and the tick", took)
+    _print_times("interlock: all words and the tick", took)
 
 
 if __name__ == "__main__":

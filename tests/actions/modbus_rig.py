@@ -51,9 +51,9 @@ class Cable:
             if self._end[0] in ready:
                 return
             if self._near in ready:
-                said = os.read(self._near, 4096)
-                self.heard.append(said)
-                os.write(self._far, said)
+                request = os.read(self._near, 4096)
+                self.heard.append(request)
+                os.write(self._far, request)
             if self._far in ready:
                 answer = os.read(self._far, 4096)
                 if not self.mute:

@@ -249,7 +249,7 @@ def test_a_raise_is_not_repeated_after_it_has_expired() -> None:
         until(lambda: hand.status().fault != "")
         cable.mute = False
         until(lambda: hand.status().ok)
-        raises = [said for said in cable.heard if said[1:6] == bytes([6, 1, 1, 0, 90])]
+        raises = [request for request in cable.heard if request[1:6] == bytes([6, 1, 1, 0, 90])]
 
         assert len(raises) <= 1
 

@@ -155,10 +155,12 @@ def test_what_packs_too_well_is_refused_before_it_is_unpacked(
         monkeypatch.setattr("taxel.exchange.lerobot_read._AT_ONCE", 20_000)
     pq.write_table(pa.table(held), tmp_path / "set" / name, store_schema=False)
     assert (tmp_path / "set" / name).stat().st_size < 20_000
-    said = {"rows": "1,000,001 rows", "texts": "more than 100,000 bytes", "nothing": "TypeError"}[
-        kind
-    ]
-    with pytest.raises(BadDataset, match=said) as caught:
+    message = {
+        "rows": "1,000,001 rows",
+        "texts": "more than 100,000 bytes",
+        "nothing": "TypeError",
+    }[kind]
+    with pytest.raises(BadDataset, match=message) as caught:
         import_lerobot(tmp_path / "set", tmp_path / "back")
     assert "\n" not in str(caught.value)
 
@@ -168,7 +170,7 @@ def only(key: str, dtype: str) -> dict[str, dict]:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"codebase_version": "v2.1"}, "v3.0"),
         ({"storage_format": "lance"}, "lance"),
@@ -176,11 +178,11 @@ def only(key: str, dtype: str) -> dict[str, dict]:
         (only("action", "float32"), "none of them"),
     ],
 )
-def test_what_cannot_be_read_is_refused_in_one_line(change, said, recordings, tmp_path):
+def test_what_cannot_be_read_is_refused_in_one_line(change, message, recordings, tmp_path):
     write_lerobot(recordings, tmp_path / "set")
     file = tmp_path / "set" / layout.INFO
     file.write_text(json.dumps(json.loads(file.read_text()) | change))
-    with pytest.raises(BadDataset, match=said):
+    with pytest.raises(BadDataset, match=message):
         import_lerobot(tmp_path / "set", tmp_path / "back")
 
 

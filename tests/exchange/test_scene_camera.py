@@ -59,8 +59,8 @@ def test_a_data_set_holds_colour_and_leaves_depth_out_in_one_line(recording, tmp
     """Back again: both tactile cameras byte by byte, and the scene's frames that were nearest."""
     pytest.importorskip("pyarrow", reason="pyarrow is not installed (taxel[export])")
     main(["export", "lerobot", str(recording), "--output", str(tmp_path / "set")])
-    said = capsys.readouterr().out.splitlines()
-    assert sum("left out: scene-depth: depth has 16 bits" in line for line in said) == 1
+    printed = capsys.readouterr().out.splitlines()
+    assert sum("left out: scene-depth: depth has 16 bits" in line for line in printed) == 1
     main(["import", "lerobot", "--data", str(tmp_path / "set"), "--output", str(tmp_path / "b")])
     back = tmp_path / "b/a.mcap"
     after = read_manifest(back)
@@ -84,8 +84,8 @@ def test_depth_does_not_make_a_recording_another_kind(recording, make, tmp_path)
 def test_videos_hold_colour_and_leave_depth_out_in_one_line(recording, tmp_path, capsys):
     av = pytest.importorskip("av", reason="av is not installed (taxel[export])")
     main(["export", "video", str(recording), "--output", str(tmp_path / "v")])
-    said = capsys.readouterr().out.splitlines()
-    assert sum("left out: scene-depth" in line for line in said) == 1
+    printed = capsys.readouterr().out.splitlines()
+    assert sum("left out: scene-depth" in line for line in printed) == 1
     made = sorted(path.name for path in (tmp_path / "v").glob("*.mkv"))
     assert made == ["a.left.mkv", "a.right.mkv", "a.scene.mkv"]
     with av.open(str(tmp_path / "v/a.scene.mkv")) as file:

@@ -157,8 +157,8 @@ def changed_recording(draw: st.DrawFn, honest: bytes) -> bytes:
         case "first":
             records.insert(0, records.pop(place))
         case "length":
-            said = draw(st.sampled_from([0, 1, 2**31, 2**63, 2**64 - 1]))
-            return assembled(records[:place], record(opcode, payload, said))
+            length = draw(st.sampled_from([0, 1, 2**31, 2**63, 2**64 - 1]))
+            return assembled(records[:place], record(opcode, payload, length))
     return assembled(records)
 
 

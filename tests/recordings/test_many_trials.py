@@ -47,10 +47,10 @@ def test_a_list_of_labels_whose_first_was_taken_for_a_name_says_so(tmp_path):
     np.save(tmp_path / "X.npy", X)
     row = f"X.npy,,trials rows channels,from:y.txt,,{OWN},rate:50Hz"
     (tmp_path / "y.txt").write_text("bottle\ncup\nball\ncup\nball\ncup\n")
-    said = refusal(tmp_path, row)
-    assert "6 trials; got 5 by from:y.txt in " in said
-    assert "table.csv, line 2, where line 1 of the file, 'bottle'" in said
-    assert "is taken for the column's name; if it is the first trial's value, write a" in said
+    message = refusal(tmp_path, row)
+    assert "6 trials; got 5 by from:y.txt in " in message
+    assert "table.csv, line 2, where line 1 of the file, 'bottle'" in message
+    assert "is taken for the column's name; if it is the first trial's value, write a" in message
     (tmp_path / "y.txt").write_text("cup\nball\ncup\nball\ncup\n")
     assert "is taken for" not in refusal(tmp_path, row)
     (tmp_path / "y.txt").write_text("object\nbottle\ncup\nball\ncup\nball\ncup\n")

@@ -86,7 +86,7 @@ def test_in_a_text_of_many_trials_each_has_its_own_stretches(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("table", "text", "said"),
+    ("table", "text", "message"),
     [
         (ONE.replace("rows:state", "rows:"), TEXT, "rows:COLUMN"),
         (ONE.replace("label:state", "group:state"), TEXT, "label:NAME"),
@@ -94,8 +94,8 @@ def test_in_a_text_of_many_trials_each_has_its_own_stretches(tmp_path):
         (MANY.replace("rows:state", "from:state"), TEXT, "rows:state"),
     ],
 )
-def test_a_slip_in_the_table_is_told_in_a_line(tmp_path, table, text, said):
-    with pytest.raises(BadTable, match=said):
+def test_a_slip_in_the_table_is_told_in_a_line(tmp_path, table, text, message):
+    with pytest.raises(BadTable, match=message):
         bring(tmp_path, table, text, "a[N]")
     assert not (tmp_path / "out").exists()
 

@@ -57,7 +57,7 @@ def tiff(tags: list[tuple[int, int, int]], order: str = "little", more: int = 0)
 
 
 @pytest.mark.parametrize(
-    ("image", "said"),
+    ("image", "message"),
     [
         (tiff([(256, 3, 44), (257, 3, 30)], more=400), "one of several; save each"),
         (tiff([(256, 3, 44), (257, 3, 30), (258, 3, 32)]), "at most 16 bits a colour; got 32"),
@@ -69,8 +69,8 @@ def tiff(tags: list[tuple[int, int, int]], order: str = "little", more: int = 0)
         (b"II+\x00" + bytes(20), "that are neither"),
     ],
 )
-def test_what_a_decoder_would_hide_is_refused(image: bytes, said: str) -> None:
-    with pytest.raises(BadSource, match=said):
+def test_what_a_decoder_would_hide_is_refused(image: bytes, message: str) -> None:
+    with pytest.raises(BadSource, match=message):
         raster_size(image)
 
 

@@ -56,8 +56,10 @@ def test_a_link_that_leads_out_is_named(folder, name, link):
     os.symlink("mon", folder / "days" / "twice")
     with pytest.raises(BadTable, match="which lies outside") as caught:
         import_table(table(folder, name), folder / "out")
-    said = f"line 2, which lies outside, as '{link}' is a link that leads there; copy what it lea"
-    assert (said in str(caught.value)) == bool(link)
+    message = (
+        f"line 2, which lies outside, as '{link}' is a link that leads there; copy what it lea"
+    )
+    assert (message in str(caught.value)) == bool(link)
     assert "--allow-outside" in str(caught.value)
     assert not (folder / "out").exists()
 

@@ -261,9 +261,11 @@ def test_times_that_go_back_are_said_with_how_often(tmp_path, times, words):
     """Only rows in a wrong order are mended by sorting: that would mix trials with one another."""
     path = tmp_path / "a.csv"
     path.write_text("t,a,b\n" + "".join(f"{time},1,2\n" for time in times.split()))
-    said = refusal(path)
-    assert f"times that increase from row to row; got {words.format(path)}" in said
-    assert ("sort" in said) == ("about where it began" not in said and "row above" not in said)
+    message = refusal(path)
+    assert f"times that increase from row to row; got {words.format(path)}" in message
+    assert ("sort" in message) == (
+        "about where it began" not in message and "row above" not in message
+    )
 
 
 def test_times_of_day_that_pass_midnight_ask_for_dates(tmp_path):
@@ -282,17 +284,19 @@ def test_a_counter_that_overflows_begins_no_new_trial(tmp_path, start, bits, uni
     """As of an Arduino after 71 minutes: cut there, one trial would become two."""
     rows = "".join(f"{(start + 10 * n) % 2**bits},1\n" for n in range(6))
     (tmp_path / "a.csv").write_text(f"t,a\n{rows}")
-    with pytest.raises(BadTable, match=rf"line 5; if .*counter of {period}.* add {period}") as said:
+    with pytest.raises(
+        BadTable, match=rf"line 5; if .*counter of {period}.* add {period}"
+    ) as error:
         read_table(tmp_path / "a.csv", parse_columns("a[N]", "here"), parse_time(f"t[{unit}]", "-"))
-    assert "new trial" not in str(said.value)
+    assert "new trial" not in str(error.value)
 
 
 def test_a_table_with_a_row_for_each_channel_is_not_thinned_out(tmp_path):
     """To leave out rows of the same time would leave out all channels but the first."""
     (tmp_path / "a.csv").write_text("t,a,b\n0,1,2\n0,2,2\n10,1,2\n10,2,2\n20,1,2\n20,2,2\n")
-    said = refusal(tmp_path / "a.csv")
-    assert "3 rows have the time of the row above; leave such rows out, or give a rate" in said
-    assert "if each row holds one channel, write the channels side by side" in said
+    message = refusal(tmp_path / "a.csv")
+    assert "3 rows have the time of the row above; leave such rows out, or give a rate" in message
+    assert "if each row holds one channel, write the channels side by side" in message
 
 
 def test_times_of_an_array_that_begin_anew_are_not_cut_by_the_table(tmp_path):

@@ -50,7 +50,7 @@ def test_without_a_number_of_rows_a_line_is_one_scan(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("row", "said"),
+    ("row", "message"),
     [
         (ROW.replace("rows:3", "rows:4"), "columns for 4 scans in each line of .*got 6 columns"),
         (ROW.replace("rows:3", "rows"), "axes of a text: 'trials channels' for one scan"),
@@ -61,8 +61,8 @@ def test_without_a_number_of_rows_a_line_is_one_scan(tmp_path) -> None:
         (ROW.replace("*[N]", "a1[N] b1[V] a2[N] b2[V] a3[V] b3[V]"), "the same units in all scans"),
     ],
 )
-def test_what_is_no_such_text_is_refused_and_nothing_is_written(tmp_path, row, said) -> None:
-    with pytest.raises(BadTable, match=said):
+def test_what_is_no_such_text_is_refused_and_nothing_is_written(tmp_path, row, message) -> None:
+    with pytest.raises(BadTable, match=message):
         bring(tmp_path, row)
     assert not (tmp_path / "out").exists()
 

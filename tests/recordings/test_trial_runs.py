@@ -130,12 +130,12 @@ ANEW = """day,ms,a,b,what
 """
 
 
-@pytest.mark.parametrize(("trials", "names", "said"), [
+@pytest.mark.parametrize(("trials", "names", "note"), [
     ("restarts", ["all-1", "all-2", "all-3", "all-4"], "by where the times in ms begin anew"),
     ("day+restarts", ["all-1-1", "all-1-2", "all-2-1", "all-2-2"],
      "by its column day, and by where the times in ms begin anew"),
 ])  # fmt: skip
-def test_a_text_is_cut_where_its_times_begin_anew(tmp_path, trials, names, said):
+def test_a_text_is_cut_where_its_times_begin_anew(tmp_path, trials, names, note):
     """Beside a column that says the day, restarts are counted within each day."""
     (tmp_path / "all.csv").write_text(ANEW)
     notes: list[str] = []
@@ -146,7 +146,7 @@ def test_a_text_is_cut_where_its_times_begin_anew(tmp_path, trials, names, said)
     assert [item.manifest.labels["object"] for item in made] == ["cup", "ball", "cup", "cup"]
     np.testing.assert_allclose(made[1].samples.fitted_s, [0.008, 0.018])
     np.testing.assert_array_equal(made[1].samples.values, [[5, 6], [5, 7]])
-    assert notes == [f"all.csv was read as 4 trials {said}"]
+    assert notes == [f"all.csv was read as 4 trials {note}"]
 
 
 def test_a_column_that_is_called_restarts_tells_trials_apart(tmp_path):

@@ -92,9 +92,9 @@ def steps(loop: CaptureLoop, ring: FrameRing, count: int = 3) -> set[bytes]:
     return {frame.jpeg for frame in ring.take()}
 
 
-def last_said(capsys: pytest.CaptureFixture[str]) -> dict[str, str]:
-    said = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    return [line for line in said if "state" in line][-1]
+def last_state(capsys: pytest.CaptureFixture[str]) -> dict[str, str]:
+    messages = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    return [line for line in messages if "state" in line][-1]
 
 
 @pytest.mark.parametrize("restarted", [False, True])
@@ -115,16 +115,16 @@ def test_another_camera_at_the_address_counts_as_gone_until_the_first_is_back(
 
     device.now = None
     assert steps(loop, ring) == set()
-    assert last_said(capsys) == {"state": "gone", "why": "no such device (ENODEV)"}
+    assert last_state(capsys) == {"state": "gone", "why": "no such device (ENODEV)"}
     device.now = replace(FIRST, serial="B2")
     assert steps(loop, ring) == set()
     why = "another camera (serial B2) is at this address"
-    assert last_said(capsys) == {"state": "gone", "why": why}
+    assert last_state(capsys) == {"state": "gone", "why": why}
     assert not device.opened
     assert ring.words[REOPENED] == reopened
     device.now = FIRST
     assert steps(loop, ring) == {LEFT}
-    assert last_said(capsys) == {"state": "running", "why": ""}
+    assert last_state(capsys) == {"state": "running", "why": ""}
     assert ring.words[REOPENED] == reopened + 1
 
 

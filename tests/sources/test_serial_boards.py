@@ -217,18 +217,18 @@ def test_what_is_wrong_at_opening_is_said_in_one_line(tmp_path: Path):
     try:
         with pytest.raises(BadSource, match=r"a hello from the board at .*got nothing; .*firmware"):
             open_source(f"serial://{port.path}?wait_s=0.2")
-        with said(port, b"\x07\x12garbage\x00"), pytest.raises(BadSource, match="that are none"):
+        with sending(port, b"\x07\x12garbage\x00"), pytest.raises(BadSource, match="that are none"):
             open_source(f"serial://{port.path}?wait_s=0.3")
-        with said(port, b"12,13,14\r\n"), pytest.raises(BadSource, match="add format=csv"):
+        with sending(port, b"12,13,14\r\n"), pytest.raises(BadSource, match="add format=csv"):
             open_source(f"serial://{port.path}?wait_s=0.3")
-        with said(port, b"so it goes\n"), pytest.raises(BadSource, match="lines of numbers"):
+        with sending(port, b"so it goes\n"), pytest.raises(BadSource, match="lines of numbers"):
             open_source(f"serial://{port.path}?format=csv&wait_s=0.3")
     finally:
         port.unplug()
 
 
 @contextlib.contextmanager
-def said(port: PseudoPort, data: bytes) -> Iterator[None]:
+def sending(port: PseudoPort, data: bytes) -> Iterator[None]:
     """Say the same every 10 ms."""
     ending = threading.Event()
 
@@ -279,7 +279,7 @@ def test_lines_of_numbers_are_an_array_too(tmp_path: Path):
     port = PseudoPort(tmp_path / "sketch")
     port.plug()
     try:
-        with said(port, b"10\t20\n"), open_source(f"serial://{port.path}?format=csv") as source:
+        with sending(port, b"10\t20\n"), open_source(f"serial://{port.path}?format=csv") as source:
             rows = until(source, lambda rows: bool(len(rows)) and rows.counter[-1] > 150)  # type: ignore[arg-type]
             assert source.info.units == ("count", "count")
             assert 50 < source.info.rate_hz <= 110
@@ -294,7 +294,7 @@ def test_record_prints_what_a_board_lost(tmp_path: Path, capsys: pytest.CaptureF
     port.plug()
     line = b"10\t20\n10\tx0\n"
     try:
-        with said(port, line):
+        with sending(port, line):
             main(["record", f"serial://{port.path}?format=csv&rate_hz=200", "--seconds", "0.5",
                   "--output", str(tmp_path / "a.mcap"), "--json"])  # fmt: skip
         (board,) = json.loads(capsys.readouterr().out)["boards"]

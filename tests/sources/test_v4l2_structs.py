@@ -75,9 +75,11 @@ def test_structures_and_numbers_are_those_of_the_kernels_header(tmp_path: Path):
         "#include <linux/videodev2.h>\nint main(void) {" + "\n".join(lines) + "return 0; }\n"
     )
     subprocess.run(["cc", "-o", tmp_path / "sizes", source], check=True)
-    said = subprocess.run([tmp_path / "sizes"], check=True, capture_output=True, text=True).stdout
+    printed = subprocess.run(
+        [tmp_path / "sizes"], check=True, capture_output=True, text=True
+    ).stdout
 
-    assert dict(line.rsplit(" ", 1) for line in said.splitlines()) == {
+    assert dict(line.rsplit(" ", 1) for line in printed.splitlines()) == {
         name: str(value) for name, value in ours.items()
     }
 

@@ -84,9 +84,9 @@ def import_lerobot(
 
 
 def _damaged(folder: Path, error: Exception) -> BadDataset:
-    said = getattr(error, "got", None) or f"{type(error).__name__}: {str(error)[:200]}"
+    reason = getattr(error, "got", None) or f"{type(error).__name__}: {str(error)[:200]}"
     return BadDataset(
-        "a whole data set of LeRobot's version 3.0", f"{folder}: {said}", "copy it again"
+        "a whole data set of LeRobot's version 3.0", f"{folder}: {reason}", "copy it again"
     )
 
 

@@ -149,8 +149,8 @@ def test_the_dead_are_named_with_how_they_ended_and_not_once_given_up(
 
 def test_a_process_that_died_of_an_error_is_named_with_its_own_words(rig: Rig):
     worker = rig.add("monitor")
-    said = BadSource("a bundle", "another file", "put it back")
-    worker.report = cast("Any", Report(("failed", said)))
+    reason = BadSource("a bundle", "another file", "put it back")
+    worker.report = cast("Any", Report(("failed", reason)))
     rig.die(worker, 1)
     how = "an error (needed a bundle; got another file; put it back)"
     assert rig.processes.dead() == [(worker, how)]

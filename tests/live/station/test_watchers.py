@@ -333,12 +333,12 @@ def test_the_last_padded_window_is_answered_at_the_end_without_times_of_arrival(
 
 
 @pytest.mark.parametrize(
-    "said", [{"do": "new grasp"}, Mark(start_s=0.2, end_s=0.3, labels={"outcome": "held"})]
+    "message", [{"do": "new grasp"}, Mark(start_s=0.2, end_s=0.3, labels={"outcome": "held"})]
 )
-def test_a_new_grasp_has_a_vote_of_its_own(recogniser: Rig, said: Any):
+def test_a_new_grasp_has_a_vote_of_its_own(recogniser: Rig, message: Any):
     recogniser.take(scans(0.1))
     assert recogniser.watcher._vote.windows == 1
-    recogniser.take(said)
+    recogniser.take(message)
     assert recogniser.watcher._vote.windows == 0
 
 

@@ -161,8 +161,8 @@ class _GraspWatcher:
                 else:
                     self._monitor.reset()
             elif isinstance(packet, Mark) and "reaction" in packet.labels:
-                said = {"what": packet.labels["reaction"], "time_s": packet.start_s}
-                self._writer.put(pack({"kind": "reaction", **said}))
+                reaction = {"what": packet.labels["reaction"], "time_s": packet.start_s}
+                self._writer.put(pack({"kind": "reaction", **reaction}))
             elif isinstance(packet, dict) and "ended" in packet:
                 self._monitor.end()
         self._watch(sets, came, pulse)

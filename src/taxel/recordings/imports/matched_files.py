@@ -132,11 +132,14 @@ def _lines(line: TableLine, matches: Sequence[_Found]) -> list[TableLine]:
     first = matches[0]
     twofold = [file for file in matches if file.values != file.others]
     count = f"{len(matches)} {'file matches' if len(matches) == 1 else 'files match'}"
-    remark = f"{line.where}: {count}, the first is {visible(first.path)}{_said(first.values)}"
+    remark = (
+        f"{line.where}: {count}, the first is {visible(first.path)}{_shown_values(first.values)}"
+    )
     doubts = [
         f"{line.where}: {len(twofold)} of {len(matches)} names can be read in two ways; the first, "
-        f"{visible(file.path)}, was taken as{_said(file.values, '')}, not{_said(file.others, '')}; "
-        "write more of the name into the pattern, or rename the files"
+        f"{visible(file.path)}, was taken as{_shown_values(file.values, '')}, not"
+        f"{_shown_values(file.others, '')}; write more of the name into the pattern, or "
+        "rename the files"
         for file in twofold[:1]
     ]
     return [
@@ -146,7 +149,7 @@ def _lines(line: TableLine, matches: Sequence[_Found]) -> list[TableLine]:
     ]  # fmt: skip
 
 
-def _said(values: Mapping[str, str] | None, before: str = ", with") -> str:
+def _shown_values(values: Mapping[str, str] | None, before: str = ", with") -> str:
     pairs = [f"{name.partition(':')[2]}={value}" for name, value in (values or {}).items()]
     return f"{before} {', '.join(map(visible, pairs))}" if pairs else ""
 

@@ -263,10 +263,10 @@ def doubtful_names(file: str, names: Sequence[str]) -> list[str]:
     odd = [name for name in names if name.strip().lower() in NO_CHANNELS]
     if not odd:
         return []
-    said = ", ".join(visible(name) if name.strip() else "a column without a name" for name in odd)
+    shown = ", ".join(visible(name) if name.strip() else "a column without a name" for name in odd)
     return [
-        f"{file}: * took {said} as a channel; if that is a label or a counter, a model would learn "
-        "from it: name the channels in the column 'channels'"
+        f"{file}: * took {shown} as a channel; if that is a label or a counter, a model would "
+        "learn from it: name the channels in the column 'channels'"
     ]
 
 

@@ -74,5 +74,5 @@ def marks_by_row(labels: Mapping[str, Sequence[str]], time_s: NDArray[np.float64
 def remarks_on_rows(columns: Mapping[str, str]) -> list[str]:
     """Return how labels that stand in rows were read: a line, none where there are none."""
     names = ", ".join(visible(column) for column in dict.fromkeys(columns.values()))
-    said = "rows that follow one another with the same value are one trial"
-    return [f"labels were taken from the column {names}: {said}"] if columns else []
+    rule = "rows that follow one another with the same value are one trial"
+    return [f"labels were taken from the column {names}: {rule}"] if columns else []

@@ -238,15 +238,15 @@ class SerialBoards:
         else:
             needed = f"a hello from the board at {port.path} within {options.wait_s:g} s"
             mend = f"look whether it runs taxel's firmware, at {options.baud} baud"
-            said = stream.refused
-            if said is not None and said.protocol == PROTOCOL and said.channels:
+            hello = stream.refused
+            if hello is not None and hello.protocol == PROTOCOL and hello.channels:
                 return BadSource(
                     f"{options.rate_hz:g} Hz from the board at {port.path}",
-                    f"{said.rate_hz} Hz after it was asked to change",
+                    f"{hello.rate_hz} Hz after it was asked to change",
                     "leave rate_hz out, or choose a rate that its firmware can do",
                 )
-            if said is not None:
-                got = f"one of protocol {said.protocol} with {said.channels} channels"
+            if hello is not None:
+                got = f"one of protocol {hello.protocol} with {hello.channels} channels"
                 return BadSource(
                     f"a hello of protocol {PROTOCOL} with channels from {port.path}",
                     got,

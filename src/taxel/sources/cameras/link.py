@@ -98,7 +98,7 @@ class CameraLink:
         self._state, self._why = "starting", ""
         self._restarted = 0
         self._started_s = 0.0
-        self._said = b""
+        self._unread = b""
         self._bell = -1
         self._given: CameraGiven | None = None
         self._serial_shared = False
@@ -203,7 +203,7 @@ class CameraLink:
         os.close(bell_in)
         assert self._process.stdout is not None
         self._stdout = self._process.stdout.fileno()
-        self._said = b""
+        self._unread = b""
         self._started_s = time.monotonic()
         self._command(pickle.dumps(job))
         if self._given is not None:
@@ -247,15 +247,17 @@ class CameraLink:
         """
         until_s = time.monotonic() + within_s
         while True:
-            line, found, rest = self._said.partition(b"\n")
+            line, found, rest = self._unread.partition(b"\n")
             if found:
-                self._said = rest
-                said = json.loads(line)
-                if "failed" in said:
-                    raise BadSource(*said["failed"])
-                if key in said:
-                    return (said[key], said["images_hz"]) if key == "rate_hz" else said[key]
-                self._note(said)
+                self._unread = rest
+                message = json.loads(line)
+                if "failed" in message:
+                    raise BadSource(*message["failed"])
+                if key in message:
+                    return (
+                        (message[key], message["images_hz"]) if key == "rate_hz" else message[key]
+                    )
+                self._note(message)
                 continue
             left_s = until_s - time.monotonic()
             ready, _, _ = select.select([self._stdout], [], [], max(0.0, left_s))
@@ -266,20 +268,20 @@ class CameraLink:
                     "its end" if ready else f"none within {within_s:g} s",
                     "see what it wrote above",
                 )
-            self._said += more
+            self._unread += more
 
     def _listen(self) -> None:
         """Take in what the process said about its state; never waits."""
         with contextlib.suppress(BlockingIOError):
             while more := os.read(self._stdout, 1 << 16):
-                self._said += more
-        *lines, self._said = self._said.split(b"\n")
+                self._unread += more
+        *lines, self._unread = self._unread.split(b"\n")
         for line in lines:
             self._note(json.loads(line))
 
-    def _note(self, said: dict[str, Any]) -> None:
-        if "state" in said:
-            self._state, self._why = said["state"], said["why"]
+    def _note(self, message: dict[str, Any]) -> None:
+        if "state" in message:
+            self._state, self._why = message["state"], message["why"]
 
     def _stamped(self, ring_frame: RingFrame) -> Frame:
         return Frame(

@@ -92,7 +92,7 @@ class CaptureLoop:
         self._input.register(0, select.POLLIN | select.POLLHUP)
         self._first, self._serial_shared = job.first, job.serial_shared
         self._open = False
-        self._said = ("", "")
+        self._reported = ("", "")
         self._sequence: int | None = None
         self._jpeg = b""
         self._stamps: deque[float] = deque(maxlen=_RECENT)
@@ -189,8 +189,8 @@ class CaptureLoop:
         return bool(self._input.poll(wait_s * 1e3)) or os.getppid() != self._job.parent
 
     def _report(self, state: str, why: str) -> None:
-        if (state, why) != self._said:
-            self._said = state, why
+        if (state, why) != self._reported:
+            self._reported = state, why
             _say(state=state, why=why)
 
 

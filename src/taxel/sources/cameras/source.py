@@ -234,7 +234,7 @@ def _info(
     """Return a camera's description: measured size and rates, and those asked for and promised."""
     rate_hz, images_hz = measured
 
-    def said(rate: float | None) -> str:
+    def shown(rate: float | None) -> str:
         return "" if rate is None else f"{rate:.4g}"
 
     return CameraInfo(
@@ -250,10 +250,10 @@ def _info(
             "card": given.card,
             "bus": given.bus,
             "pixel_format": given.pixel_format,
-            "asked_hz": said(choice.rate_hz),
-            "given_hz": said(given.rate_hz),
-            "measured_hz": said(rate_hz),
-            "measured_images_hz": said(images_hz),
+            "asked_hz": shown(choice.rate_hz),
+            "given_hz": shown(given.rate_hz),
+            "measured_hz": shown(rate_hz),
+            "measured_images_hz": shown(images_hz),
         }
         | ({GRASPS: FOUND} if choice.finds_grasps else {}),
     )
