@@ -23,7 +23,7 @@ class SimStation:
     def __init__(self, pour: str | None, hand: str | None) -> None:
         self.state = "STABLE"
         self.armed = True
-        self.said: list[object] = []
+        self.commands: list[object] = []
         self.alarms: list[dict[str, object]] = []
         self.frozen_s: float | None = None
         self.scored = True
@@ -139,15 +139,15 @@ class SimStation:
         }
 
     def acknowledge(self):
-        self.said.append("acknowledge")
+        self.commands.append("acknowledge")
         self.alarms = [{**alarm, "acknowledged": True} for alarm in self.alarms]
 
     def disarm(self):
-        self.said.append("disarm")
+        self.commands.append("disarm")
         self.armed = False
 
     def record(self, on, labels):
-        self.said.append(("record", on, labels))
+        self.commands.append(("record", on, labels))
         self.recording |= {"on": on, "path": "grasp-017.mcap", "seconds": 0.0, "bytes": 0}
         return ""
 

@@ -45,6 +45,6 @@ def test_the_page_gets_names_that_can_be_seen(name):
 
 
 def test_a_long_message_is_not_cut_as_a_name_is():
-    said = "needed µ; " * 100
+    message = "needed µ; " * 100
 
-    assert json.loads(to_json({"reason": said}))["reason"] == said
+    assert json.loads(to_json({"reason": message}))["reason"] == message

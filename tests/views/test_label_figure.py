@@ -19,9 +19,9 @@ def labels(pour: Path, tmp_path: Path) -> PourLabels:
 
 @pytest.mark.parametrize("onset_s", [None, 0.0, 1.35])
 def test_a_person_has_a_lane_of_their_own(labels: PourLabels, onset_s: float | None) -> None:
-    said = replace(labels, corrections={"change": Correction(rule="change", onset_s=onset_s)})
+    corrected = replace(labels, corrections={"change": Correction(rule="change", onset_s=onset_s)})
 
-    drawn = label_figure(said, "change")
+    drawn = label_figure(corrected, "change")
     assert drawn.startswith(b"\x89PNG")
     assert drawn != label_figure(labels, "change")
 

@@ -167,7 +167,7 @@ def test_a_key_acknowledges_and_the_alarm_says_so(browser, opened, station, key)
     browser.key(key, key)
 
     browser.until("document.getElementById('acknowledge').disabled")
-    assert station.said == ["acknowledge"]
+    assert station.commands == ["acknowledge"]
     assert "acknowledged" in str(browser.ask("document.querySelector('#alarmlist').textContent"))
 
 
@@ -184,7 +184,7 @@ def test_r_records_with_the_labels_that_were_typed_and_r_in_a_field_is_a_letter(
     browser.key("r", "r")
     browser.until("document.getElementById('recmark').hidden")
 
-    assert station.said == [("record", True, {"object": "ar"}), ("record", False, {})]
+    assert station.commands == [("record", True, {"object": "ar"}), ("record", False, {})]
 
 
 def test_panels_that_do_not_apply_are_not_shown(browser, opened):
@@ -205,7 +205,7 @@ def test_the_gripper_s_only_control_is_to_disarm_by_button_or_key(browser, opene
     browser.until("document.querySelector('#gripper dd.armed') !== null")
     browser.key("d", "d")
     browser.until("document.querySelector('#gripper dd.armed') === null")
-    assert station.said == ["disarm", "disarm"]
+    assert station.commands == ["disarm", "disarm"]
 
 
 def test_the_sound_button_says_that_it_waits_then_sounds_then_is_muted(browser, opened):

@@ -31,7 +31,7 @@ class Advising(SimStation):
         return super().snapshot() | {"do": self.do, "trial": trial}
 
     def react(self, what: str) -> str:
-        self.said.append(what)
+        self.commands.append(what)
         return ""
 
 
@@ -102,8 +102,8 @@ def test_keys_and_buttons_log_what_the_person_did(browser, opened, station):
     browser.until("true")
     expected = ["pour stopped", "put down", "grip changed", "held", "slipped", "dropped", "held"]
     until_s = time.monotonic() + 5
-    while station.said != expected:
-        assert time.monotonic() < until_s, station.said
+    while station.commands != expected:
+        assert time.monotonic() < until_s, station.commands
         time.sleep(0.02)
 
 

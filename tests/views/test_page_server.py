@@ -28,7 +28,7 @@ class Station:
 
     def __init__(self) -> None:
         self.moment = 0
-        self.said: list[object] = []
+        self.commands: list[object] = []
         self.fails = ""
         self.heard = threading.Event()
 
@@ -48,15 +48,15 @@ class Station:
         return {"time_s": float(self.moment), "since_s": since_s}
 
     def acknowledge(self):
-        self.said.append("acknowledge")
+        self.commands.append("acknowledge")
         self.heard.set()
 
     def disarm(self):
-        self.said.append("disarm")
+        self.commands.append("disarm")
         self.heard.set()
 
     def record(self, on, labels):
-        self.said.append((on, labels))
+        self.commands.append((on, labels))
         self.heard.set()
         return "the disk is full" if on else ""
 
@@ -225,7 +225,7 @@ def test_a_person_s_word_and_request_reach_the_station_and_its_refusal_comes_bac
         socket.send('{"do":"seek","time_s":1}')
         assert answer(socket)["reason"] == "only a recording can be wound"
 
-    assert station.said[-2:] == ["acknowledge", (True, {"object": "cup 3"})]
+    assert station.commands[-2:] == ["acknowledge", (True, {"object": "cup 3"})]
 
 
 def test_a_station_that_fails_is_reported_on_the_page_and_comes_back(server, station):

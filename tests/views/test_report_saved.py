@@ -66,12 +66,12 @@ def test_a_sweep_shows_what_is_unchanged_and_where_nothing_is_answered():
         {**SWEEP[0], "fault": "dust", "accuracy": None, "low": None, "high": None, "answered": 0.0},
     ]
 
-    said = sweep_part(read_sweep(rows, "s.json"))
+    part = sweep_part(read_sweep(rows, "s.json"))
 
-    assert "Unchanged: 85.0 %" in said
-    assert "noise: least 50.0 % [40.0, 60.0] at 0 dB" in said
-    assert "dust: nothing was answered" in said
-    assert "nan" not in said
+    assert "Unchanged: 85.0 %" in part
+    assert "noise: least 50.0 % [40.0, 60.0] at 0 dB" in part
+    assert "dust: nothing was answered" in part
+    assert "nan" not in part
 
 
 def test_a_level_that_leaves_other_windows_is_drawn_beside_what_those_gave_without_it():

@@ -57,14 +57,14 @@ def test_what_was_not_tried_is_named():
         accuracy=0.9, left_out=left_out, behind=(), slow=("quantiles", "shape"),
     ))  # fmt: skip
 
-    said = " ".join(printed(leaderboard(choice), 200).split())
+    text = " ".join(printed(leaderboard(choice), 200).split())
 
     assert ("6 not tried, because the time was up: TouchNet, perceptrons 3 on all features, "
             "extra-trees 2 on tared features, logistic regression 0.03 on tared features …; "
-            "expert.json lists all") in said  # fmt: skip
-    assert "window would take longer than --max-us: quantiles, shape; a larger --max-us" in said
+            "expert.json lists all") in text  # fmt: skip
+    assert "window would take longer than --max-us: quantiles, shape; a larger --max-us" in text
     assert "not tried" not in printed(leaderboard(choice, repeated=True), 200)
-    assert "1 of N" not in said
+    assert "1 of N" not in text
 
 
 def test_a_leaderboard_says_what_a_try_on_a_part_of_the_windows_is():

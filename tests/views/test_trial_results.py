@@ -26,9 +26,9 @@ from trial_makers import few_small_members, some_trials  # isort: skip
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("group", "said"), [("object", False), ("turn", True)])
+@pytest.mark.parametrize(("group", "warns"), [("object", False), ("turn", True)])
 def test_with_few_groups_no_difference_is_claimed(
-    monkeypatch: pytest.MonkeyPatch, group: str, said: bool
+    monkeypatch: pytest.MonkeyPatch, group: str, warns: bool
 ) -> None:
     """Six objects may show a difference, four turns may not."""
     few_small_members(monkeypatch)
@@ -38,7 +38,7 @@ def test_with_few_groups_no_difference_is_claimed(
     console = Console(width=200, record=True, file=io.StringIO())
     console.print(trial_tables(trials, split, results, []))
     warned = "4 turns no difference can be claimed (smallest possible p 0.12)"
-    assert (warned in console.export_text()) == said
+    assert (warned in console.export_text()) == warns
 
 
 def test_reasons_of_unknown_are_counted_and_unlike_images_are_said() -> None:
@@ -69,7 +69,7 @@ def scored(name: str, accuracy: float, loss: float, leaks: str = "sees nothing")
 
 
 @pytest.mark.parametrize(
-    ("accuracy", "loss", "said"),
+    ("accuracy", "loss", "lines"),
     [
         (0.7, 0.7, []),
         (0.8, 0.7, ["still is as accurate (80.0 %, taxel 80.0 %): do not claim the recogniser's"]),
@@ -78,13 +78,13 @@ def scored(name: str, accuracy: float, loss: float, leaks: str = "sees nothing")
     ],
 )
 def test_a_control_as_good_in_accuracy_or_in_loss_is_said(
-    accuracy: float, loss: float, said: list[str]
+    accuracy: float, loss: float, lines: list[str]
 ) -> None:
     """Only controls count: the bar may be as good."""
     ours, bar = scored("taxel", 0.8, 0.5, ""), scored("bar", 1.0, 0.0, "")
     found = control_warnings([ours, bar, scored("still", accuracy, loss)])
-    assert len(found) == len(said)
-    assert all(line.startswith(words) for line, words in zip(found, said, strict=True))
+    assert len(found) == len(lines)
+    assert all(line.startswith(words) for line, words in zip(found, lines, strict=True))
     assert control_warnings([ours, bar]) == []
 
 

@@ -21,9 +21,9 @@ def trials(**counts: int) -> list[Trial]:
     ]
 
 
-@pytest.mark.parametrize(("rare", "said"), [(1, True), (2, True), (3, False), (10, False)])
-def test_a_class_is_rare_with_a_fifth_of_the_commonest_s_trials_or_less(rare: int, said: bool):
-    assert bool(rare_note(trials(ball=10, cube=rare), "shape")) is said
+@pytest.mark.parametrize(("rare", "noted"), [(1, True), (2, True), (3, False), (10, False)])
+def test_a_class_is_rare_with_a_fifth_of_the_commonest_s_trials_or_less(rare: int, noted: bool):
+    assert bool(rare_note(trials(ball=10, cube=rare), "shape")) is noted
 
 
 def test_the_share_that_is_filled_in_is_said_in_the_mean_and_at_most():
@@ -65,10 +65,10 @@ def test_a_window_is_never_filled_as_a_whole(fill: float):
         WindowConfig(fill=fill)
 
 
-@pytest.mark.parametrize(("grid_hz", "said"), [(99.0, True), (100.0, False), (None, False)])
-def test_a_grid_below_a_third_of_the_sensors_rate_is_said(grid_hz: float | None, said: bool):
+@pytest.mark.parametrize(("grid_hz", "noted"), [(99.0, True), (100.0, False), (None, False)])
+def test_a_grid_below_a_third_of_the_sensors_rate_is_said(grid_hz: float | None, noted: bool):
     sensor = SensorInfo(name="a", channels=("one",), units=("V",), rate_hz=300.0)
-    assert bool(grid_note(sensor, WindowConfig(grid_hz=grid_hz))) is said
+    assert bool(grid_note(sensor, WindowConfig(grid_hz=grid_hz))) is noted
 
 
 def test_scans_days_apart_are_refused_before_the_ticks_between_are_made():

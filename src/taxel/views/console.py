@@ -82,11 +82,11 @@ class LineProgress(Progress):
     The first comes after `LINE_S`, so that quick work prints none.
     """
 
-    _began_s = _said_s = -math.inf
+    _began_s = _printed_s = -math.inf
 
     def start(self) -> None:
         """Begin to show progress, or to count the time to the first line."""
-        self._began_s = self._said_s = monotonic()
+        self._began_s = self._printed_s = monotonic()
         super().start()
 
     def update(self, task_id: TaskID, *args: Any, **changes: Any) -> None:
@@ -94,9 +94,9 @@ class LineProgress(Progress):
         super().update(task_id, *args, **changes)
         now_s = monotonic()
         with self._lock:
-            if self.console.is_terminal or now_s - self._said_s < LINE_S:
+            if self.console.is_terminal or now_s - self._printed_s < LINE_S:
                 return
-            self._said_s = now_s
+            self._printed_s = now_s
             task = self._tasks[task_id]
             of = f" · {task.completed:g} of {task.total:g}" if task.total else ""
             took = f"{now_s - self._began_s:.0f} s"

@@ -78,20 +78,20 @@ def _lanes(labels: PourLabels, rule: str) -> list[tuple[str, str, np.ndarray]]:
         if name in labels.by_rule
     ]
     if rule in labels.corrections:
-        said = labels.labels(rule)
-        assert said is not None
-        lanes.append((f"{PERSON}, of {rule}", _PERSON, said))
+        corrected = labels.labels(rule)
+        assert corrected is not None
+        lanes.append((f"{PERSON}, of {rule}", _PERSON, corrected))
     return lanes
 
 
 def _draw_lanes(axes: Axes, labels: PourLabels, lanes: list[tuple[str, str, np.ndarray]]) -> None:
     time_s = labels.time_s
-    for place, (_, colour, said) in enumerate(lanes):
+    for place, (_, colour, lane) in enumerate(lanes):
         floor = len(lanes) - 1 - place
         axes.axhline(floor + 0.4, color="0.9", lw=6, zorder=0)
-        axes.fill_between(time_s, floor + 0.12, floor + 0.68, where=(said > 0).tolist(),
+        axes.fill_between(time_s, floor + 0.12, floor + 0.68, where=(lane > 0).tolist(),
                           color=colour, step="post", lw=0)  # fmt: skip
-        onset = time_s[int(np.argmax(said))] if said.any() else None
+        onset = time_s[int(np.argmax(lane))] if lane.any() else None
         text = "stable throughout" if onset is None else f"{onset:.2f} s"
         axes.text(1.005, floor + 0.4, text, transform=axes.get_yaxis_transform(), va="center",
                   fontsize=8, color=colour)  # fmt: skip

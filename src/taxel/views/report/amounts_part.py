@@ -46,9 +46,9 @@ def amounts_part(data: Mapping[str, Any]) -> Html:
         Axis(label="accuracy", low=0, high=1),
     )
     legend = key([("var(--c0)", f"{data['model']}, 95 %"), ("var(--grey)", lines[0].name)])
-    said = ["Split: ", split_name(data["split"]), f". Each amount holds the one before; {group}s "
-            f"are added whole, in an order drawn by seed {data['seed']}; the test parts stay. "
-            f"Interval: whole {group}s of the test parts drawn again."]  # fmt: skip
+    sentence = ["Split: ", split_name(data["split"]), ". Each amount holds the one before; "
+                f"{group}s are added whole, in an order drawn by seed {data['seed']}; the test "
+                f"parts stay. Interval: whole {group}s of the test parts drawn again."]  # fmt: skip
     rows: list[list[object]] = []
     for amount, value in zip(amounts, best, strict=True):
         name = max(amount["trivial"], key=amount["trivial"].get)
@@ -57,7 +57,7 @@ def amounts_part(data: Mapping[str, Any]) -> Html:
             band(_number(amount["low"]), _number(amount["high"])), percent(float(value)), name,
         ])  # fmt: skip
     head = [f"{group}s", "windows", "accuracy", "95 %", "best trivial baseline", "which"]
-    return join([tag("p", join(said)), figure(chart, legend), table(head, rows)])
+    return join([tag("p", join(sentence)), figure(chart, legend), table(head, rows)])
 
 
 def _number(value: Any) -> float:

@@ -88,8 +88,8 @@ def dot_chart(dots: Sequence[Dot], least: float = 0.0, most: float = 1.0) -> Htm
             parts.append(
                 f'<circle cx="{at(dot.value):.1f}" cy="{y:.1f}" r="4.5" fill="{dot.colour}"/>'
             )
-        said = dot.note or f"{dot.value:.3f}"
-        parts.append(_text(left + wide + 12, y + 4, said, "start", "soft"))
+        label = dot.note or f"{dot.value:.3f}"
+        parts.append(_text(left + wide + 12, y + 4, label, "start", "soft"))
     return _svg(_WIDTH, high + 26, parts)
 
 
@@ -183,8 +183,8 @@ def matrix(classes: Sequence[str], counts: Sequence[Sequence[int]]) -> Html:
 def _cell(count: int, share: float) -> str:
     ink = "var(--page)" if share > 0.55 else "var(--ink)"
     back = f"color-mix(in srgb,var(--c0) {100 * share:.0f}%,var(--card))"
-    said = f"{share:.2f}<br><small>{count}</small>" if count else "·"
-    return f'<td style="background:{back};color:{ink}">{said}</td>'
+    cell = f"{share:.2f}<br><small>{count}</small>" if count else "·"
+    return f'<td style="background:{back};color:{ink}">{cell}</td>'
 
 
 def _drawn(line: Line, ink: str, place: object, dots: bool) -> list[str]:
@@ -242,6 +242,6 @@ def _line(a: float, b: float, c: float, d: float, ink: str, dash: str = "") -> s
     return f'<line x1="{a:.1f}" y1="{b:.1f}" x2="{c:.1f}" y2="{d:.1f}" stroke="{ink}"{dashed}/>'
 
 
-def _text(x: float, y: float, said: str, anchor: str, kind: str = "") -> str:
+def _text(x: float, y: float, words: str, anchor: str, kind: str = "") -> str:
     shown = f' class="{kind}"' if kind else ""
-    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{shown}>{text(said)}</text>'
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{shown}>{text(words)}</text>'

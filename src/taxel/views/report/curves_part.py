@@ -46,7 +46,7 @@ def curves_part(curves: Sequence[Curve], ink: str = "var(--c0)") -> Html:
     )  # fmt: skip
     legend = key([(ink, "training"), (_HELD, "held out")])
     folds = f"{len(watched)} folds: mean, least to most" if len(watched) > 1 else watched[0].name
-    said = (
+    sentence = (
         f"{folds}. After each epoch, up to 256 windows of each part are predicted. Nothing is "
         "chosen by them, and the last epoch's network is kept. "
         f"{_gap_words(watched)}"
@@ -54,7 +54,7 @@ def curves_part(curves: Sequence[Curve], ink: str = "var(--c0)") -> Html:
     return join(
         [
             tag("div", join([figure(own, kind="free") for own in (losses, accuracies)]), "side"),
-            tag("p", legend), tag("p", said), _gaps(watched),
+            tag("p", legend), tag("p", sentence), _gaps(watched),
         ]
     )  # fmt: skip
 

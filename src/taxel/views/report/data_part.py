@@ -102,13 +102,13 @@ def drawn_split(found: Predictions) -> Html:
     shared = {name: _on_both(found, name) for name in [*keys, "trial"]}
     if keys:
         parts.append(tag("p", legend))
-    said = [f"{name} ({count} of {of})" for name, (count, of) in shared.items() if count]
-    if said:
+    shared_groups = [f"{name} ({count} of {of})" for name, (count, of) in shared.items() if count]
+    if shared_groups:
         parts.append(
             tag(
                 "p",
-                f"On both sides of a fold: {', '.join(said)}. Accuracy under this split says "
-                "nothing about others than those.",
+                f"On both sides of a fold: {', '.join(shared_groups)}. Accuracy under this split "
+                "says nothing about others than those.",
                 "note leaks" if shared["trial"][0] else "note",
             )
         )
@@ -139,8 +139,8 @@ def _sides(found: Predictions, name: str) -> Html:
 
 def _side(trained: int, tested: int) -> str:
     kind = "both" if trained and tested else "test" if tested else "train" if trained else ""
-    said = str(tested) if tested else ""
-    return f'<td class="{kind}" title="{trained} trained on, {tested} tested">{said}</td>'
+    count = str(tested) if tested else ""
+    return f'<td class="{kind}" title="{trained} trained on, {tested} tested">{count}</td>'
 
 
 def _on_both(found: Predictions, name: str) -> tuple[int, int]:

@@ -120,12 +120,12 @@ def sweep_part(points: Sequence[SweepPoint]) -> Html:
     legend: list[tuple[str, object]] = [(colour(0), "accuracy, 95 %")]
     if any(math.isfinite(point.answered) for point in points):
         legend.append((colour(2), "share answered, not UNKNOWN"))
-    said = "Accuracy as one fault grows."
+    sentence = "Accuracy as one fault grows."
     if unchanged:
         legend.append(("var(--grey)", "unchanged"))
         clean = unchanged[0]
-        said += f" Unchanged: {percent(clean.accuracy)} {band(clean.low, clean.high)}."
-    return join([tag("p", said), tag("p", key(legend)), tag("div", join(charts), "side")])
+        sentence += f" Unchanged: {percent(clean.accuracy)} {band(clean.low, clean.high)}."
+    return join([tag("p", sentence), tag("p", key(legend)), tag("div", join(charts), "side")])
 
 
 def _fault_chart(fault: str, own: list[SweepPoint], unchanged: list[SweepPoint]) -> Html:
@@ -160,8 +160,8 @@ def _fault_chart(fault: str, own: list[SweepPoint], unchanged: list[SweepPoint])
     if not known:
         return figure(chart, f"{fault}: nothing was answered.")
     worst = min(known, key=lambda point: point.accuracy)
-    said = f"least {percent(worst.accuracy)} {band(worst.low, worst.high)}".rstrip()
-    return figure(chart, f"{fault}: {said} at {worst.level:g} {unit}".rstrip())
+    sentence = f"least {percent(worst.accuracy)} {band(worst.low, worst.high)}".rstrip()
+    return figure(chart, f"{fault}: {sentence} at {worst.level:g} {unit}".rstrip())
 
 
 def _unchanged(clean: SweepPoint, own: list[SweepPoint], ends: tuple[float, float]) -> Line:

@@ -174,8 +174,8 @@ def table(
 
 def figure(drawing: str, caption: object = "", kind: str = "") -> Html:
     """Return a drawing (SVG or HTML) with what it shows; its class is `kind`."""
-    said = tag("figcaption", caption) if caption else ""
-    return Html(f"<figure{_kind(kind)}>{drawing}{said}</figure>")
+    words = tag("figcaption", caption) if caption else ""
+    return Html(f"<figure{_kind(kind)}>{drawing}{words}</figure>")
 
 
 def png_figure(png: bytes, caption: str) -> Html:

@@ -86,7 +86,7 @@ def accuracies(
                 f"Accuracy over all test windows, with 95 % CI, bootstrapped over {group}s. Grey: "
                 "baselines, which see no touch, hardly any, or only channel means.",
             ),
-            join([tag("p", said) for said in {_lone(judged[name]) for name in runs} if said]),
+            join([tag("p", note) for note in {_lone(judged[name]) for name in runs} if note]),
             _cleared({name: judged[name] for name in runs}, runs),
             table(
                 ["run", "model", "accuracy", f"95 % CI over {group}s, %",
@@ -101,13 +101,13 @@ def accuracies(
 
 def _lone(judged: RunScores) -> str | None:
     """Return a warning on intervals within one session, if they are such."""
-    said = only_one(judged.lone, judged.group)
-    return said and f"{said[0].upper()}{said[1:]}."
+    note = only_one(judged.lone, judged.group)
+    return note and f"{note[0].upper()}{note[1:]}."
 
 
 def _cleared(judged: Mapping[str, RunScores], runs: Mapping[str, Run]) -> Html:
     """Say whether each run stands clear of the best of its own trivial baselines."""
-    said, bad = [], False
+    lines, bad = [], False
     for name, own in judged.items():
         trivial = runs[name].trivial
         if not trivial:
@@ -116,10 +116,10 @@ def _cleared(judged: Mapping[str, RunScores], runs: Mapping[str, Run]) -> Html:
             name, own.scores.accuracy, own.intervals[own.group], own.group, trivial
         )
         bad = bad or standing == "behind"
-        said.append(line)
-    if not said:
+        lines.append(line)
+    if not lines:
         return Html("")
-    return tag("p", "; ".join(said) + ".", "note leaks" if bad else "note")
+    return tag("p", "; ".join(lines) + ".", "note leaks" if bad else "note")
 
 
 def published_beside(runs: Mapping[str, Run], judged: Mapping[str, RunScores]) -> Html:

@@ -40,7 +40,7 @@ def versions_part(adapted: Adapted) -> Html:
                  for split, value in adapted.accuracy.get(version.number, {}).items()], "; ",
             ) or "–",
             _points(version.change, OF_ALL) or "–",
-            join([Html('<span class="said">'), _said(version.change), Html("</span>")]),
+            join([Html('<span class="said">'), _change_line(version.change), Html("</span>")]),
         ]
         for version in history.versions
     ]  # fmt: skip
@@ -63,7 +63,7 @@ def versions_part(adapted: Adapted) -> Html:
     )  # fmt: skip
 
 
-def _said(change: Change) -> str:
+def _change_line(change: Change) -> str:
     each = [f"{name} {_points(change, name)}" for name in change.after if name != OF_ALL]
     data = f", from {', '.join(change.data)}" if change.data else ""
     return f"{change.what}{data}" + (f": {'; '.join(each)}" if each else "")

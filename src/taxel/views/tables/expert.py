@@ -127,12 +127,12 @@ def nested_table(nested: Nested) -> RenderableType:
         hidden = ", ".join(blind)
         text = f"baselines not shown, because they carry no information here: {hidden}"
         lines.append(Text(text, style="dim"))
-    if said := only_one(scores.lone, scores.group):
-        lines.append(Text(visible_line(said), style="yellow"))
+    if note := only_one(scores.lone, scores.group):
+        lines.append(Text(visible_line(note), style="yellow"))
     if nested.warning:
         lines.append(Text(f"warning: {visible_line(nested.warning)}", style="yellow"))
-    if said := unnamed_line(nested.predictions):
-        lines.append(Text(said, style="yellow" if said.startswith("warning") else ""))
+    if note := unnamed_line(nested.predictions):
+        lines.append(Text(note, style="yellow" if note.startswith("warning") else ""))
     return Group(table, *lines)
 
 

@@ -106,5 +106,7 @@ def _confusion(found: BundleScores) -> Table:
         "confusion", ("true ↓  predicted →", *map(visible, dict.fromkeys(columns)))
     )
     for name, row in found.confusion.items():
-        table.add_row(visible(name), *(str(row.get(said, "·")) for said in dict.fromkeys(columns)))
+        table.add_row(
+            visible(name), *(str(row.get(answer, "·")) for answer in dict.fromkeys(columns))
+        )
     return table

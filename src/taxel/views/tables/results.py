@@ -108,17 +108,17 @@ def checked_table(checked: Checked) -> RenderableType:
 
 def below(trivial: Mapping[str, float]) -> list[Text]:
     """Return the line about trivial baselines that a constant answer would beat, if any."""
-    said = below_majority(trivial)
-    return [Text(visible_line(said), style="dim")] if said else []
+    sentence = below_majority(trivial)
+    return [Text(visible_line(sentence), style="dim")] if sentence else []
 
 
 def few(pooled: Pooled) -> list[Text]:
     """Return the lines about an interval of few groups, or within one, if it is one."""
-    said = (
+    lines = (
         few_groups(pooled.interval_group, pooled.interval_groups),
         only_one(pooled.lone, pooled.interval_group),
     )
-    return [Text(visible_line(line)) for line in said if line]
+    return [Text(visible_line(line)) for line in lines if line]
 
 
 def with_interval(pooled: Pooled) -> str:

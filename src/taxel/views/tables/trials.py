@@ -64,14 +64,14 @@ def trial_tables(
             for place, scores in zip(PLACES, result.places, strict=True)
         ]
         parts.append(_table("by one crop alone", rows))
-    parts += [Text(_said(difference, split.group)) for difference in differences]
+    parts += [Text(_difference_line(difference, split.group)) for difference in differences]
     parts += [Text(f"{result.name}: {result.leaks}.") for result in results if result.leaks]
     parts.append(Text(_weakest(trials, split, ours)))
     parts += [Text(f"note: {note}") for note in trial_notes(trials)]
-    if said := shared_values(split, trials.groups, trials.y):
-        parts.append(Text(f"warning: {visible_line(said)}", style="yellow"))
-    if said := _too_few(split, trials):
-        parts.append(Text(f"warning: {said}", style="yellow"))
+    if warning := shared_values(split, trials.groups, trials.y):
+        parts.append(Text(f"warning: {visible_line(warning)}", style="yellow"))
+    if warning := _too_few(split, trials):
+        parts.append(Text(f"warning: {warning}", style="yellow"))
     return Group(*parts, Text(f"Intervals in []: 95 % CI, whole {split.group}s resampled."))
 
 
@@ -116,8 +116,8 @@ def unknown_line(verdicts: Sequence[Verdict]) -> str:
         return ""
     counts = Counter(reason.partition(" (")[0] for reason in reasons)
     novel = [verdict for verdict in verdicts if verdict.reason.startswith(NOVEL)]
-    said = [f"{visible(reason)} ({count})" for reason, count in counts.most_common(_REASONS)]
-    line = f"UNKNOWN because of: {', '.join(said)}"
+    shown = [f"{visible(reason)} ({count})" for reason, count in counts.most_common(_REASONS)]
+    line = f"UNKNOWN because of: {', '.join(shown)}"
     if len(novel) < len(verdicts) / 2:
         return line
     first = visible(novel[0].reason.partition("(")[2].rstrip(")"))
@@ -195,7 +195,7 @@ def _cells(scores: CameraTrialScores) -> list[str]:
     ]
 
 
-def _said(found: Difference, group: str) -> str:
+def _difference_line(found: Difference, group: str) -> str:
     low, high = found.accuracy_interval
     accuracy = bracketed(f"{100 * found.accuracy:+.1f} points", (100 * low, 100 * high), "+.1f")
     auc = bracketed(f"{found.auc:+.3f}", found.auc_interval, "+.3f")

@@ -24,7 +24,7 @@ def unknown_tables(results: Sequence[UnknownResult]) -> RenderableType:
         *(
             part
             for result in results
-            for part in (_scores(result), _coverage(result), _said(result))
+            for part in (_scores(result), _coverage(result), _rejection_text(result))
         )
     )
 
@@ -105,7 +105,7 @@ def _coverage(result: UnknownResult) -> Table:
     return table
 
 
-def _said(result: UnknownResult) -> Text:
+def _rejection_text(result: UnknownResult) -> Text:
     each = ", ".join(
         f"{visible(name)} {share:.1%}" for name, share in result.rejected_by_class.items()
     )

@@ -69,8 +69,8 @@ export class Voice {
   constructor(button) {
     this.button = button;
     this.on = false;
-    this.said = "";
-    this.saidMs = -Infinity;
+    this.spoken = "";
+    this.spokenMs = -Infinity;
     button.addEventListener("click", () => this.toggle());
     this.show();
   }
@@ -82,7 +82,7 @@ export class Voice {
 
   toggle() {
     this.on = !this.on;
-    this.said = "";
+    this.spoken = "";
     if (!this.on) globalThis.speechSynthesis?.cancel();
     this.show();
   }
@@ -99,10 +99,10 @@ export class Voice {
     this.show();
     const voice = this.own;
     const word = advice ? advice.word : "";
-    const again = advice && ["danger", "warning", "lost"].includes(advice.tone) && nowMs - this.saidMs > AGAIN_MS;
-    if (word === this.said && !again) return;
-    this.said = word;
-    this.saidMs = nowMs;
+    const again = advice && ["danger", "warning", "lost"].includes(advice.tone) && nowMs - this.spokenMs > AGAIN_MS;
+    if (word === this.spoken && !again) return;
+    this.spoken = word;
+    this.spokenMs = nowMs;
     if (!voice || !word || word === "–") return;
     const speech = new SpeechSynthesisUtterance(word.toLowerCase());
     speech.voice = voice;
