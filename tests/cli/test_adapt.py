@@ -221,10 +221,10 @@ def test_what_cannot_be_meant_is_one_plain_line_and_changes_nothing(
     with pytest.raises(SystemExit) as ended:
         main(["adapt", *words.split()])
 
-    said = capsys.readouterr().err
+    message = capsys.readouterr().err
     assert ended.value.code == 2
-    assert part in said
-    assert said.count("\n") == 1
+    assert part in message
+    assert message.count("\n") == 1
     assert sorted(place.rglob("*")) == before
 
 
@@ -360,7 +360,7 @@ def test_what_was_learned_by_adapting_is_known_to_be_seen_until_it_is_taken_back
     run("bundle run --output both.taxel --data old", capsys)
     scored = run("evaluate both.taxel known.mcap", capsys)
     main(["evaluate", "both.taxel", "other.mcap"])
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     with pytest.raises(SystemExit):
         main(["compare", "run", "run", "--test", "known.mcap"])
     refused = capsys.readouterr().err
@@ -369,6 +369,6 @@ def test_what_was_learned_by_adapting_is_known_to_be_seen_until_it_is_taken_back
     assert set(before.learned) < set(taught.learned) < set(corrected.learned)
     assert len({before.data_digest, taught.data_digest, corrected.data_digest}) == 3
     assert scored["learned_from"] == ["known.mcap"]
-    assert "other.mcap" in said
+    assert "other.mcap" in printed
     assert "neither run was trained on; got known.mcap" in refused
     assert load_run(Path("run"), weights=False).contract.learned == before.learned

@@ -120,10 +120,10 @@ def test_camera_trials_given_to_train_say_which_options_train_trials_lacks(
     monkeypatch.chdir(world)
     with pytest.raises(SystemExit) as ended:
         main(["train", "one.csv", "--minutes", "0.2", "--max-mb", "3", "--seed", "1", "--no-check"])
-    said = capsys.readouterr().err
+    message = capsys.readouterr().err
     assert ended.value.code == 2
-    assert "options of taxel train-trials, which takes camera trials" in said
-    assert "got --minutes and --max-mb, which it does not have" in said
+    assert "options of taxel train-trials, which takes camera trials" in message
+    assert "got --minutes and --max-mb, which it does not have" in message
 
 
 def test_an_option_of_camera_trials_is_no_former_spelling_before_them(
@@ -131,7 +131,7 @@ def test_an_option_of_camera_trials_is_no_former_spelling_before_them(
 ) -> None:
     """`evaluate` had --cache before; for camera trials it is evaluate-trials, which has it."""
     monkeypatch.chdir(world)
-    for words, said in (
+    for words, message in (
         ("evaluate one.csv --cache cache", "outcome"),
         ("evaluate one.csv --rule gross-slip", "taxel reproduce grasp-warnings --rule"),
         ("evaluate nothing --cache cache", "taxel reproduce grasp-warnings --cache"),
@@ -140,8 +140,8 @@ def test_an_option_of_camera_trials_is_no_former_spelling_before_them(
             main(words.split())
         line = capsys.readouterr().err
         assert ended.value.code == 2
-        assert said in line
-        assert ("former spelling" in line) == ("reproduce" in said)
+        assert message in line
+        assert ("former spelling" in line) == ("reproduce" in message)
 
 
 def files(world: Path) -> list[str]:

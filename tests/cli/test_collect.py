@@ -121,9 +121,9 @@ def test_a_person_is_asked_where_the_object_changes_and_may_end(
     monkeypatch.setattr(collect_verb, "Keys", lambda: Typed("\nq"))
     monkeypatch.setattr(type(collect_verb.console), "is_terminal", property(lambda _: True))
     collect(plan, tmp_path / "grasps")
-    said = capsys.readouterr().err
+    message = capsys.readouterr().err
 
-    assert said.count("put into the open hand: session a, object") == 2
+    assert message.count("put into the open hand: session a, object") == 2
     assert sorted(path.name for path in (tmp_path / "grasps").glob("*.mcap")) == ["trial-001.mcap"]
 
 
@@ -177,7 +177,7 @@ def test_a_hand_that_rests_says_so(capsys: pytest.CaptureFixture[str]):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["grip", HAND], "--arm for grip"),
         (["status", "sim://arm"], "a hand with motors"),
@@ -186,6 +186,6 @@ def test_a_hand_that_rests_says_so(capsys: pytest.CaptureFixture[str]):
         (["status", HAND, "--plot", "currents.txt"], "ends in .png"),
     ],
 )
-def test_what_the_hand_cannot_do_is_refused_in_one_line(words: list[str], said: str):
-    with pytest.raises(BadInput, match=said):
+def test_what_the_hand_cannot_do_is_refused_in_one_line(words: list[str], message: str):
+    with pytest.raises(BadInput, match=message):
         hand(*words)

@@ -46,11 +46,11 @@ def test_two_trained_runs_are_compared(runs: Path, capsys: pytest.CaptureFixture
 
 def test_the_printed_comparison_names_both_tests(runs: Path, capsys: pytest.CaptureFixture[str]):
     compare(str(runs / "cnn2d"), str(runs / "cnn1d"), "--group", "grasp")
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
 
-    assert "McNemar" in said
-    assert "sign-flip" in said
-    assert "more (--json)" in said or "grasp" in said
+    assert "McNemar" in printed
+    assert "sign-flip" in printed
+    assert "more (--json)" in printed or "grasp" in printed
 
 
 def test_a_run_without_predictions_is_refused(runs: Path):

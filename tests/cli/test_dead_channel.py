@@ -46,12 +46,12 @@ def test_live_names_it_once_on_the_error_stream_and_in_json(
     capsys.readouterr()
 
     main(["live", str(bundle), source, "--json"])
-    said = capsys.readouterr()
+    captured = capsys.readouterr()
 
-    (still,) = json.loads(said.out)[0]["still_channels"]
+    (still,) = json.loads(captured.out)[0]["still_channels"]
     assert (still["channel"], still["changed"]) == ("2", 1.0)
-    assert said.err.count("channel 2 has not changed for ") == 1
-    assert "in training it changed in every window: check its cable" in said.err
+    assert captured.err.count("channel 2 has not changed for ") == 1
+    assert "in training it changed in every window: check its cable" in captured.err
 
 
 def test_nothing_is_said_where_all_channels_move(
@@ -62,19 +62,19 @@ def test_nothing_is_said_where_all_channels_move(
 
     main(["live", str(bundle), f"replay://{alive}?speed=max", "--json"])
     main(["evaluate", str(bundle), str(alive)])
-    said = capsys.readouterr()
+    captured = capsys.readouterr()
 
-    assert "changed" not in said.err
-    assert "never changes" not in said.out
+    assert "changed" not in captured.err
+    assert "never changes" not in captured.out
 
 
 def test_a_score_says_it(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
 
     main(["evaluate", str(bundle), str(bundle.parent / "dead" / "set")])
-    said = " ".join(capsys.readouterr().out.split())
+    printed = " ".join(capsys.readouterr().out.split())
 
-    assert "channel 2 never changes in these recordings; in training it changed in every" in said
+    assert "channel 2 never changes in these recordings; in training it changed in every" in printed
 
 
 def test_a_bundle_keeps_how_its_channels_moved(bundle: Path) -> None:

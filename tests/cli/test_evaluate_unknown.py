@@ -48,9 +48,9 @@ def test_each_class_is_left_out_where_none_is_named(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ):
     run_unknown(folder, "shape")
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     for name in ("cylinder", "prism", "rectangle", "sphere", "mean", "least"):
-        assert name in said
+        assert name in printed
 
 
 def test_a_split_that_holds_no_group_out_is_refused(folder: Path):

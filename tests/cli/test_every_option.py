@@ -289,7 +289,7 @@ def test_a_folder_that_is_called_like_a_study_is_evaluated(
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (
             "reproduce table-4-1 --preset fair",
@@ -303,6 +303,6 @@ def test_a_folder_that_is_called_like_a_study_is_evaluated(
     ],
 )
 def test_words_that_do_not_fit_are_named_in_one_line(
-    words: str, said: str, refused: Callable[[list[str]], str]
+    words: str, message: str, refused: Callable[[list[str]], str]
 ) -> None:
-    assert said in refused(words.split())
+    assert message in refused(words.split())

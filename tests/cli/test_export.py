@@ -59,7 +59,7 @@ def test_lerobot_there_and_back(recording, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["export", "lerobot", "{r}", "--output", "{o}", "--fps", "0"], "--fps above 0"),
         (["export", "video", "{r}", "--output", "{o}"], "cameras"),
@@ -69,13 +69,13 @@ def test_lerobot_there_and_back(recording, tmp_path, capsys):
         (["import", "lerobot", "--data", "d", "--output", "{o}", "--missing", "keep"], "--missing"),
     ],
 )  # fmt: skip
-def test_bad_input_is_one_line_and_leaves_nothing(words, said, recording, tmp_path, capsys):
+def test_bad_input_is_one_line_and_leaves_nothing(words, message, recording, tmp_path, capsys):
     pytest.importorskip("av", reason="av is not installed (taxel[export])")
     names = {"r": recording.parent, "o": tmp_path / "o"}
     with pytest.raises(SystemExit) as stopped:
         main([word.format(**names) for word in words])
     assert stopped.value.code == 2
     line = capsys.readouterr().err.strip()
-    assert said in line
+    assert message in line
     assert "\n" not in line
     assert not (tmp_path / "o").exists()

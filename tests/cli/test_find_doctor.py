@@ -97,21 +97,21 @@ def test_nothing_plugged_in_is_said_plainly(monkeypatch, capsys):
     monkeypatch.setattr(find, "find_boards", lambda: ([], []))
     monkeypatch.setattr(find, "find_cameras", list)
     main(["find"])
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
 
-    assert "boards: none." in said
-    assert "cameras: none." in said
-    assert "ready to use" not in said
+    assert "boards: none." in printed
+    assert "cameras: none." in printed
+    assert "ready to use" not in printed
 
 
 def test_a_missing_package_does_not_hide_the_cameras(monkeypatch, capsys):
     monkeypatch.setattr(find, "find_boards", lambda: ([], ["needed the package pyserial."]))
     monkeypatch.setattr(find, "find_cameras", lambda: [LEFT])
     main(["find"])
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
 
-    assert "boards: not looked for: needed the package pyserial." in said
-    assert f"'{LEFT.address}'" in said
+    assert "boards: not looked for: needed the package pyserial." in printed
+    assert f"'{LEFT.address}'" in printed
 
 
 def test_a_scene_camera_is_a_line_and_an_address(monkeypatch, capsys):
@@ -121,10 +121,10 @@ def test_a_scene_camera_is_a_line_and_an_address(monkeypatch, capsys):
     found = [FoundRealSense("Intel RealSense D435I", "123622270224", "3.2")]
     monkeypatch.setattr(realsense_device, "list_realsense", lambda: found)
     main(["find"])
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     line = "scene camera: Intel RealSense D435I, serial number 123622270224, USB 3.2"
-    assert said.splitlines().count(line) == 1
-    assert "  realsense://123622270224" in said.splitlines()
+    assert printed.splitlines().count(line) == 1
+    assert "  realsense://123622270224" in printed.splitlines()
 
     monkeypatch.setattr(realsense_device, "list_realsense", _not_installed)
     main(["find"])
@@ -174,11 +174,11 @@ def test_optional_things_that_are_missing_do_not_fail(tmp_path, capsys, monkeypa
     monkeypatch.setattr(doctor, "SHARED_BYTES", 1 << 20)
     monkeypatch.setitem(doctor.EXTRAS, "gripper", Extra(("no_such_package",), "a gripper"))
     main(["doctor", "--output", str(tmp_path)])
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
 
-    assert "missing extra gripper, for a gripper: without no_such_package" in said
-    assert "run: pip install 'taxel[gripper]'" in said
-    assert "Live work can start: all required is there" in said
+    assert "missing extra gripper, for a gripper: without no_such_package" in printed
+    assert "run: pip install 'taxel[gripper]'" in printed
+    assert "Live work can start: all required is there" in printed
 
 
 def test_a_required_thing_that_is_missing_ends_with_code_1(tmp_path, capsys, monkeypatch):

@@ -59,8 +59,8 @@ def test_arduino_cli_builds_writes_and_the_board_says_hello(
         main(["flash", "mega", "teng_daq", "--port", str(path), "--firmware", str(sketches),
               "--board-number", "2", "--board-id", "TENG-2", "--json"])  # fmt: skip
 
-    said = json.loads(capsys.readouterr().out)
-    assert (said["firmware"], said["board"], said["board_id"]) == ("1.0.0", 2, "TENG-2")
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["firmware"], answer["board"], answer["board_id"]) == ("1.0.0", 2, "TENG-2")
     compiled, uploaded = log.read_text().splitlines()
     assert compiled.startswith("arduino-cli [compile] [--fqbn] [arduino:avr:mega:cpu=atmega2560]")
     assert f"[--libraries] [{sketches / 'libraries'}]" in compiled

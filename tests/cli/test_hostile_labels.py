@@ -28,12 +28,12 @@ def run(capsys: pytest.CaptureFixture[str]):
     def run(*words: object) -> str:
         capsys.readouterr()
         main([str(word) for word in words])
-        said = capsys.readouterr()
-        for text in said:
+        captured = capsys.readouterr()
+        for text in captured:
             assert all(line.isprintable() for line in text.split("\n")), text
             assert "Traceback" not in text
             assert not re.search("^all checksums valid", text, re.MULTILINE)
-        return said.out
+        return captured.out
 
     return run
 
@@ -91,8 +91,8 @@ def test_from_training_to_a_live_answer_every_class_is_itself(imported, run, tmp
     recording = min((imported / "recordings").glob("*.mcap"))
     (answer,) = json.loads(run("live", bundle, f"{recording}", "--json"))
     assert set(answer["answers"]) <= {*CLASSES, "UNKNOWN"}
-    said = run("live", bundle, recording)
-    assert any(visible(name) in said for name in answer["answers"])
+    printed = run("live", bundle, recording)
+    assert any(visible(name) in printed for name in answer["answers"])
 
 
 @pytest.mark.slow
@@ -127,10 +127,10 @@ def test_a_word_that_no_verb_knows_is_quoted_literally(capsys):
     for words in (["info", "a", "b\x1b[2J\x9b31m"], ["info", "a", "\udcff\x1b[2J"], ["x\x1b[2J"]):
         with pytest.raises(SystemExit) as ended:
             main(words)
-        said = capsys.readouterr()
+        captured = capsys.readouterr()
         assert ended.value.code == 2
-        assert all(line.isprintable() for line in (said.out + said.err).split("\n"))
-        assert r"\x1b[2J" in said.err
+        assert all(line.isprintable() for line in (captured.out + captured.err).split("\n"))
+        assert r"\x1b[2J" in captured.err
 
 
 def test_a_label_that_is_no_text_is_refused_in_one_line(refused, tmp_path):

@@ -89,12 +89,12 @@ def test_what_is_recorded_live_keeps_its_session_and_the_answers_are_summed_up(
     output = tmp_path / "out.mcap"
     words = ["--record", str(output), "--label", "shape=ball", "--group", "session=7"]
     main(["live", *short_touch, *words, "--least-confidence", "0"])
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
 
     assert read_manifest(output).groups == {"session": "7"}
-    assert "shape: 1 windows: b" in said
-    assert "NONE" not in said
-    assert "alarms" not in said
+    assert "shape: 1 windows: b" in printed
+    assert "NONE" not in printed
+    assert "alarms" not in printed
 
 
 def test_what_is_missing_or_of_another_kind_is_named(
@@ -155,7 +155,7 @@ def test_an_accuracy_on_training_recordings_is_no_test_and_says_so(
     """`taxel live` warns where `taxel evaluate` does; not where nothing is known or labelled."""
     _, touch = short_touch
     fingerprints = load_dataset(Path(touch), TOUCH_WINDOW).fingerprints.values()
-    for learned, said in (
+    for learned, warning in (
         (tuple(map(fingerprint_of, fingerprints)), "was trained on 1 of these recordings"),
         ((), "does not say which recordings"),
         (("0" * 16,), None),
@@ -163,7 +163,9 @@ def test_an_accuracy_on_training_recordings_is_no_test_and_says_so(
         bundle = touch_bundle(tmp_path / "own.taxel", learned)
         main(["live", bundle, touch, "--json"])
         (found,) = json.loads(capsys.readouterr().out)
-        assert (said in found["warning"]) if said else found["warning"] is None
+        assert (warning in found["warning"]) if warning else found["warning"] is None
         main(["live", bundle, touch])
         printed = " ".join(capsys.readouterr().out.split())
-        assert (f"warning: the bundle {said}" in printed) if said else "warning" not in printed
+        assert (
+            (f"warning: the bundle {warning}" in printed) if warning else "warning" not in printed
+        )

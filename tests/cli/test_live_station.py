@@ -98,11 +98,11 @@ def test_the_key_d_disarms():
     assert pressed == ["disarm"]
 
 
-@pytest.mark.parametrize(("key", "said"), [("s", "pour stopped"), ("x", "dropped")])
-def test_keys_say_what_the_person_did_and_what_came_of_it(key: str, said: str):
+@pytest.mark.parametrize(("key", "event"), [("s", "pour stopped"), ("x", "dropped")])
+def test_keys_say_what_the_person_did_and_what_came_of_it(key: str, event: str):
     heard: list[str] = []
     press(key, SimpleNamespace(react=heard.append))  # type: ignore[arg-type]
-    assert heard == [said]
+    assert heard == [event]
 
 
 @pytest.mark.parametrize(

@@ -52,10 +52,10 @@ def test_an_array_is_summed_up_and_no_further_recording_is_begun(
     bundle = touch_bundle(folder.parent / "b.taxel")
     main(["live", bundle, f"replay://{folder}?speed=max", "--json"])
 
-    said = capsys.readouterr()
-    (found,) = json.loads(said.out)
+    captured = capsys.readouterr()
+    (found,) = json.loads(captured.out)
     assert (found["windows"], found["grasps"]) == (1, 1)
-    assert "stopping: the summary follows" in said.err
+    assert "stopping: the summary follows" in captured.err
     assert signal.getsignal(number) is before
 
 

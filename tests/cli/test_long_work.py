@@ -12,15 +12,15 @@ from taxel.views.console import LINE_S, progress_on
 def test_without_a_terminal_a_line_is_said_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     monkeypatch.setattr("taxel.views.console.monotonic", lambda: now[0])
-    said = io.StringIO()
-    with progress_on(Console(file=said)) as bar:
+    output = io.StringIO()
+    with progress_on(Console(file=output)) as bar:
         work = LongWork(bar)
         for done in range(1, 51):
             now[0] += 1.0
             work.at("features of trials", done, 50)
         now[0] += LINE_S
         work.step("training", "taxel, fold 1")
-    assert said.getvalue().splitlines() == [
+    assert output.getvalue().splitlines() == [
         "20 s · features of trials · 20 of 50",
         "40 s · features of trials · 40 of 50",
         "70 s · taxel, fold 1",

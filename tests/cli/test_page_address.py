@@ -65,5 +65,5 @@ def test_what_is_meant_for_an_address_is_refused_as_one_where_it_is_wrong(
 def test_what_is_no_place_is_refused_in_one_line(
     typed: str, refused: Callable[[list[str]], str]
 ) -> None:
-    said = refused(["live", "--page", typed, *WORDS])
-    assert f"needed HOST:PORT for --page; got '{typed}'" in said
+    message = refused(["live", "--page", typed, *WORDS])
+    assert f"needed HOST:PORT for --page; got '{typed}'" in message

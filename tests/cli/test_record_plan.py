@@ -86,17 +86,17 @@ class Gels:
 
 
 def test_the_recording_begins_where_the_images_have_stood_still(tmp_path: Path):
-    said: list[str] = []
+    messages: list[str] = []
     path = tmp_path / CUP.file_name
-    found = record_trial(Gels(still_after_s=1.5), CUP, path, 2.0, said.append)
+    found = record_trial(Gels(still_after_s=1.5), CUP, path, 2.0, messages.append)
 
     times = [frame.fitted_s for frame in iterate_frames(path)]
     assert found is not None
     assert found.settled_after_s >= 1.3
     assert min(times) == pytest.approx(found.settled_after_s)
     assert max(times) - min(times) == pytest.approx(2.0, abs=0.051)
-    assert said[0].startswith("not settled: the left camera's image changed by")
-    assert said[-1] == "settled: pour now, 2 s are recorded"
+    assert messages[0].startswith("not settled: the left camera's image changed by")
+    assert messages[-1] == "settled: pour now, 2 s are recorded"
     assert read_manifest(path).groups["cup"] == "mug"
     assert read_manifest(path).labels == {"person": "a"}
 
@@ -284,7 +284,7 @@ def test_a_gripper_that_closes_on_nothing_records_nothing(
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["camera:///dev/a,/dev/b"], "a terminal"),
         (["sim://cup-pour", "--tare"], "real cameras"),
@@ -292,9 +292,9 @@ def test_a_gripper_that_closes_on_nothing_records_nothing(
     ],
 )
 def test_what_a_plan_cannot_do_is_refused_in_one_line(
-    words: list[str], said: str, plan: Path, tmp_path: Path
+    words: list[str], message: str, plan: Path, tmp_path: Path
 ):
-    with pytest.raises(BadInput, match=said):
+    with pytest.raises(BadInput, match=message):
         record(plan, tmp_path / "pours", *words)
 
 

@@ -183,8 +183,8 @@ def test_import_then_info_shows_what_there_is(tmp_path, capsys):
     table.write_text("file,label:sign,channels,time\na.csv,B,x[N],t[s]\n")
     out = tmp_path / "out"
     Import(table=str(table), output=out, json=True).run()
-    said = {"recordings": [str(out / "a.mcap")], "notes": []}
-    assert json.loads(capsys.readouterr().out) == said
+    expected = {"recordings": [str(out / "a.mcap")], "notes": []}
+    assert json.loads(capsys.readouterr().out) == expected
     Info(path=out / "a.mcap", json=True).run()
     summary = json.loads(capsys.readouterr().out)
     assert summary["channels"][0] | {"mean": 0} == {

@@ -43,11 +43,11 @@ def test_a_trained_run_becomes_a_page(
     report(made / "run", "--output", page, "--json")
 
     assert json.loads(capsys.readouterr().out) == {"written": [str(page)], "replaced": []}
-    said = page.read_text(encoding="utf-8")
+    page_text = page.read_text(encoding="utf-8")
     for part in ("data", "split", "results", "runs", "latency", "made"):
-        assert f'<h2 id="{part}"' in said, part
-    assert "temperature_c" in said
-    assert "not those of the run" not in said
+        assert f'<h2 id="{part}"' in page_text, part
+    assert "temperature_c" in page_text
+    assert "not those of the run" not in page_text
     assert not list(page.parent.glob("*.part"))
 
 
@@ -59,18 +59,18 @@ def test_a_page_is_made_though_the_recordings_are_gone(made: Path, tmp_path: Pat
     about.write_text(about.read_text().replace(str(made / "data"), "elsewhere"))
     report(tmp_path / "run", "--no-latency", "--output", tmp_path / "r.html")
 
-    said = (tmp_path / "r.html").read_text(encoding="utf-8")
-    assert "not at hand" in said
-    assert '<h2 id="latency"' not in said
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "not at hand" in page
+    assert '<h2 id="latency"' not in page
 
 
 @pytest.mark.slow
 def test_the_audit_of_a_run_is_on_its_page(made: Path, tmp_path: Path):
     report(made / "run", "--audit", "--no-latency", "--output", tmp_path / "r.html")
 
-    said = (tmp_path / "r.html").read_text(encoding="utf-8")
-    assert '<h2 id="audit"' in said
-    assert "session held out" in said
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert '<h2 id="audit"' in page
+    assert "session held out" in page
 
 
 def test_the_audit_takes_the_sides_that_the_run_was_tested_on(made: Path):
@@ -92,7 +92,7 @@ def test_the_audit_takes_the_sides_that_the_run_was_tested_on(made: Path):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         ([], "a file to write"),
         (["--output", "r.html"], "at least one run"),
@@ -106,10 +106,10 @@ def test_the_audit_takes_the_sides_that_the_run_was_tested_on(made: Path):
     ],
 )
 def test_what_cannot_be_reported_is_refused_in_one_line(
-    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(BadInput, match=said):
+    with pytest.raises(BadInput, match=message):
         report(*words)
 
     assert not list(tmp_path.iterdir())
@@ -145,8 +145,8 @@ def test_a_file_of_another_kind_is_refused_without_words_of_python(
     with pytest.raises(BadInput, match=r"x\.json") as error:
         report(made / "run", "--no-latency", option, file, "--output", tmp_path / "r.html")
 
-    said = str(error.value)
-    assert not [word for word in ("codec", "object", "indices", "must be", "'") if word in said]
+    message = str(error.value)
+    assert not [word for word in ("codec", "object", "indices", "must be", "'") if word in message]
 
 
 def test_an_adapted_run_shows_its_versions_and_what_they_are_worth(made: Path, tmp_path: Path):
@@ -165,11 +165,11 @@ def test_an_adapted_run_shows_its_versions_and_what_they_are_worth(made: Path, t
         after={"all": 0.7512, "sphere": 0.5}))  # fmt: skip
     report(run, "--no-latency", "--output", tmp_path / "r.html")
 
-    said = (tmp_path / "r.html").read_text(encoding="utf-8")
-    assert "<b>75.1 %</b><span>run, version 2, when adapted</span>" in said
-    assert f"session held out: {100 * checked:.1f} %" in said
-    assert "50.0 % → 75.1 %" in said
-    assert "sphere 25.0 % → 50.0 %" in said
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "<b>75.1 %</b><span>run, version 2, when adapted</span>" in page
+    assert f"session held out: {100 * checked:.1f} %" in page
+    assert "50.0 % → 75.1 %" in page
+    assert "sphere 25.0 % → 50.0 %" in page
 
 
 def test_the_same_run_twice_is_refused(made: Path, tmp_path: Path):
@@ -195,11 +195,11 @@ def test_every_row_of_table_4_1_and_of_tables_1_to_3_is_on_the_card():
 
 
 def test_a_claim_without_a_row_says_so_and_why():
-    said = card.claims_card(rows=[])
+    table = card.claims_card(rows=[])
 
-    assert "98.90 % | not measured" in said
-    assert "its weights can be distilled (taxel distil), no row is stored yet" in said
-    assert "sees no light" in said
+    assert "98.90 % | not measured" in table
+    assert "its weights can be distilled (taxel distil), no row is stored yet" in table
+    assert "sees no light" in table
 
 
 @pytest.mark.parametrize("command", [
@@ -210,12 +210,12 @@ def test_a_stored_row_fills_its_cell_and_names_its_command(command: str):
     stamp = f"commit abc, 2026-01-01, {command}"
     row = Row(name=name, value=0.7654, unit="of 1", goal="", ok=None, stamp=stamp)
 
-    said = card.claims_card(rows=[row])
+    table = card.claims_card(rows=[row])
 
-    (line,) = (line for line in said.splitlines() if "2D CNN: Test Accuracy" in line)
+    (line,) = (line for line in table.splitlines() if "2D CNN: Test Accuracy" in line)
     assert line.split(" | ")[2:] == ["0.9983", "–", "shape 0.7654",
                                      f"`{command}` |"]  # fmt: skip
-    assert f"- commit abc, 2026-01-01, `{command}`" in said
+    assert f"- commit abc, 2026-01-01, `{command}`" in table
 
 
 def test_a_link_with_a_star_finds_its_row_whatever_the_levels_are():
@@ -228,9 +228,9 @@ def test_a_link_with_a_star_finds_its_row_whatever_the_levels_are():
         row, name=name.replace("wider training, 9 rows", "the thesis's setting"), value=20.0
     )
 
-    said = card.claims_card(rows=[other, thesis, row])
+    table = card.claims_card(rows=[other, thesis, row])
 
-    (line,) = (line for line in said.splitlines() if "dust on the objects" in line)
+    (line,) = (line for line in table.splitlines() if "dust on the objects" in line)
     assert "| above 95 % | – | shape 1.3 points, thesis's shape 20.0 points |" in line
 
 

@@ -12,17 +12,17 @@ USUAL = ExpertOptions(
 )  # fmt: skip
 
 
-def said(**changes: object) -> str:
+def command(**changes: object) -> str:
     return " ".join(map(str, _same_again(replace(USUAL, **changes), Path("r/expert.json"))))  # type: ignore[arg-type]
 
 
 def test_the_split_the_folds_and_the_seed_are_named_again():
     """Without them `--like` held out sessions, whatever had been held out before."""
-    assert said() == "taxel train d --like r/expert.json"
-    assert said(split="group:object", fold_count=4, seed=3).endswith(
+    assert command() == "taxel train d --like r/expert.json"
+    assert command(split="group:object", fold_count=4, seed=3).endswith(
         "--like r/expert.json --split group:object --fold-count 4 --seed 3"
     )
-    assert said(folds=Path("f.csv")).endswith("--folds f.csv")
-    assert said(test=Path("t"), target="shape", max_us=9.0).endswith("expert.json --test t")
-    assert said(reject_novel=0.05).endswith("expert.json --reject-novel 0.05")
-    assert said(check=False).endswith("expert.json --no-check")
+    assert command(folds=Path("f.csv")).endswith("--folds f.csv")
+    assert command(test=Path("t"), target="shape", max_us=9.0).endswith("expert.json --test t")
+    assert command(reject_novel=0.05).endswith("expert.json --reject-novel 0.05")
+    assert command(check=False).endswith("expert.json --no-check")

@@ -97,13 +97,13 @@ def test_evaluate_prints_windows_trials_classes_and_groups(
     words = ["evaluate", world / "ours", "--folds", world / "folds.csv", "--no-comparators"]
     found = printed(capsys, *words, *RECIPE)["result"]
     main([*map(str, words), *RECIPE])
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
 
     assert (found["windows"], found["trials"]) == (16, 4)
     assert [part["name"] for part in found["parts"]["classes"]] == ["2", "10"]
     assert [part["trials"] for part in found["parts"]["groups"]["object"]] == [2, 2]
-    assert "split: folds.csv, session held out" in said
-    assert "cup1" in said
+    assert "split: folds.csv, session held out" in output
+    assert "cup1" in output
 
 
 def test_another_folder_is_tested(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -122,12 +122,12 @@ def test_a_bundle_is_scored_and_says_what_it_learned_from(
     theirs = printed(capsys, "evaluate", world / "b.taxel", world / "theirs")
     ours = printed(capsys, "evaluate", world / "b.taxel", world / "ours")
     main(["evaluate", str(world / "b.taxel"), str(world / "ours")])
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
 
     assert theirs["warning"] is None
     assert (theirs["windows"], theirs["trials"], theirs["majority"]) == (16, 4, 0.5)
     assert len(ours["learned_from"]) == 4
-    assert "trained on 4 of these recordings" in said
+    assert "trained on 4 of these recordings" in output
 
 
 def test_a_bundle_is_scored_on_a_tables_test_part(
@@ -137,15 +137,15 @@ def test_a_bundle_is_scored_on_a_tables_test_part(
     words = ["evaluate", world / "b.taxel", world / "ours", "--folds", world / "folds.csv"]
     found = printed(capsys, *words)
     main([*map(str, words)])
-    said = " ".join(capsys.readouterr().out.split())
+    output = " ".join(capsys.readouterr().out.split())
 
     assert (found["windows"], found["trials"]) == (16, 4)
     assert found["split"] == "folds.csv, session held out"
     assert found["warning"] is None
     assert found["learned_from"] == []
-    assert "level · test part of folds.csv, session held out" in said
-    assert "8 of 12 trials are not in the test part of folds.csv: left out" in said
-    assert "warning" not in said
+    assert "level · test part of folds.csv, session held out" in output
+    assert "8 of 12 trials are not in the test part of folds.csv: left out" in output
+    assert "warning" not in output
 
 
 def test_a_test_part_that_the_bundle_was_trained_on_is_said(
@@ -230,11 +230,11 @@ def test_runs_are_compared_on_the_trials_that_have_the_label(
     words = ["compare", world / "run", world / "run", "--test", folder]
     found = printed(capsys, *words)
     main([*map(str, words)])
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
 
     assert found["windows"] == 12
     assert found["notes"] == ["1 of 4 trials lack the label 'level': left out"]
-    assert "1 of 4 trials lack the label 'level': left out" in said
+    assert "1 of 4 trials lack the label 'level': left out" in output
 
 
 def test_recordings_without_the_label_are_named_with_what_helps(

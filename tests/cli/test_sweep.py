@@ -41,8 +41,8 @@ def test_recordings_give_a_list_of_points_a_file_and_a_figure(
         place / "b.taxel", "--data", place / "new", "--faults", "noise,missing", "--json",
         "--output", tmp_path / "curves.json", "--plot", tmp_path / "curves.png",
     )  # fmt: skip
-    said = capsys.readouterr()
-    rows = json.loads(said.out)
+    captured = capsys.readouterr()
+    rows = json.loads(captured.out)
 
     assert all(set(row) == KEYS for row in rows)
     assert [row["fault"] for row in rows] == ["none", *["noise"] * 7, *["missing"] * 4]
@@ -51,7 +51,7 @@ def test_recordings_give_a_list_of_points_a_file_and_a_figure(
     assert rows[-1]["answered"] == 0.0
     assert json.loads((tmp_path / "curves.json").read_text()) == rows
     assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
-    assert "not honest" not in said.err
+    assert "not honest" not in captured.err
 
 
 def test_numbers_do_not_take_the_place_of_a_picture_or_a_recording(place: Path, tmp_path: Path):
@@ -74,10 +74,10 @@ def test_the_recordings_that_were_learned_from_are_reported(
     place: Path, capsys: pytest.CaptureFixture[str]
 ):
     sweep(place / "b.taxel", "--data", place / "seen", "--faults", "loss", "--levels", "10")
-    said = capsys.readouterr()
+    captured = capsys.readouterr()
 
-    assert "the accuracies below are too high" in said.err
-    assert "loss, %" in said.out
+    assert "the accuracies below are too high" in captured.err
+    assert "loss, %" in captured.out
 
 
 def test_conditions_are_simulated(place: Path, capsys: pytest.CaptureFixture[str]):

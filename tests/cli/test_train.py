@@ -79,15 +79,15 @@ def test_a_network_stands_clear_where_its_whole_interval_does_and_runs_could_be_
     """Of fewer than six groups, taxel compare claims nothing."""
     interval = GroupInterval(low, 0.8, groups)
     trivial = {"majority": 0.3, "means": 0.6}
-    found, said = beside_baselines("net", accuracy, interval, "session", trivial)
+    found, comparison = beside_baselines("net", accuracy, interval, "session", trivial)
 
     assert found == standing
-    assert "“means”" in said
+    assert "“means”" in comparison
     assert (few_groups("session", groups) is None) == (groups > 5)
 
 
 @pytest.mark.parametrize(
-    ("file", "words", "said"),
+    ("file", "words", "reason"),
     [
         ("expert.json", ["--split", "random"], "a run that a search chose"),
         ("weights.json", [], "the run of a recipe"),
@@ -97,7 +97,7 @@ def test_a_network_stands_clear_where_its_whole_interval_does_and_runs_could_be_
 )
 def test_a_run_of_the_other_kind_is_named_before_it_is_replaced(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str], file: str, words: list[str], said: str,
+    capsys: pytest.CaptureFixture[str], file: str, words: list[str], reason: str,
 ) -> None:  # fmt: skip
     """Both have the place runs/DATA-TARGET; nothing is replaced before the work is done."""
     run = tmp_path / "runs" / "data-shape"
@@ -114,8 +114,10 @@ def test_a_run_of_the_other_kind_is_named_before_it_is_replaced(
     with pytest.raises(BadInput, match="begun"):
         tyro.cli(Train, args=[str(data), "--target", "shape", *words]).run()
 
-    note = f"note: runs/data-shape, {said}, will be replaced; to keep it, choose another --output\n"
-    assert capsys.readouterr().err == (note if said else "")
+    note = (
+        f"note: runs/data-shape, {reason}, will be replaced; to keep it, choose another --output\n"
+    )
+    assert capsys.readouterr().err == (note if reason else "")
     assert (run / file).exists()
 
 

@@ -68,9 +68,9 @@ def test_trials_that_a_table_does_not_name_are_counted(
     (tmp_path / "folds.csv").write_text("group:session,side\ns0,train\ns1,test\n")
     main(["train", str(recordings), "--output", str(tmp_path / "run"), "--like",
           str(trained / "expert.json"), "--folds", str(tmp_path / "folds.csv")])  # fmt: skip
-    said = " ".join(capsys.readouterr().out.split())
+    printed = " ".join(capsys.readouterr().out.split())
 
-    assert "6 of 18 trials stand on no side of folds.csv, session held out: left out" in said
+    assert "6 of 18 trials stand on no side of folds.csv, session held out: left out" in printed
 
 
 @pytest.mark.parametrize(
@@ -88,9 +88,9 @@ def test_what_does_not_fit_is_refused_in_one_line(
     with pytest.raises(SystemExit) as ended:
         main(["train", str(recordings), "--output", str(tmp_path / "r"), *words.split()])
 
-    said = capsys.readouterr().err
+    message = capsys.readouterr().err
     assert ended.value.code == 2
-    assert need in said
+    assert need in message
     assert not (tmp_path / "r").exists()
 
 

@@ -33,11 +33,11 @@ def test_evaluate_holds_out_and_names_what_training_holds_out(
 ) -> None:
     words = ["evaluate", str(persons), "--no-comparators", *QUICK]
     main(words)
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     main([*words, "--json"])
     found = json.loads(capsys.readouterr().out)["result"]
 
-    assert "level · split: person held out" in said
+    assert "level · split: person held out" in printed
     assert found["split"] == OuterSplit().of(load_base(persons, "level")).name
     assert (found["interval_group"], found["interval_groups"]) == ("person", 4)
     assert len(found["fold_accuracies"]) == 4

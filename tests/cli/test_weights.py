@@ -64,7 +64,7 @@ def test_without_any_place_that_answers_one_line_says_so_and_nothing_is_written(
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         ("fetch", "needed a backbone's name behind fetch; got none"),
         ("fetch edge", "for which weights were published; got 'edge'"),
@@ -76,7 +76,7 @@ def test_without_any_place_that_answers_one_line_says_so_and_nothing_is_written(
 )
 def test_what_cannot_be_fetched_is_refused_before_anything_is_asked(
     words: str,
-    said: str,
+    message: str,
     refused: Callable[[list[str]], str],
     cache: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -86,5 +86,5 @@ def test_what_cannot_be_fetched_is_refused_before_anything_is_asked(
 
     monkeypatch.setattr(registries, "bring", never)
 
-    assert said in refused(["weights", *words.split()])
+    assert message in refused(["weights", *words.split()])
     assert not cache.exists()

@@ -64,15 +64,15 @@ def parse(kind: type[V], command: str, words: Sequence[str]) -> V:
 
     if "--page" in words and get_type_hints(kind, include_extras=True).get("page") == PageAddress:
         words = with_addresses(words)
-    said = TextIOWrapper(BytesIO(), encoding="utf-8", errors="backslashreplace")
+    output = TextIOWrapper(BytesIO(), encoding="utf-8", errors="backslashreplace")
     try:
-        with redirect_stderr(said), plain_types():
+        with redirect_stderr(output), plain_types():
             return tyro.cli(kind, prog=f"taxel {command}", args=list(words))
     except SystemExit as ended:
         if not ended.code:
             raise
-        said.seek(0)
-        raise BadOption(refusal(without_controls(said.read()), command)) from None
+        output.seek(0)
+        raise BadOption(refusal(without_controls(output.read()), command)) from None
 
 
 def refusal(box: str, command: str) -> str:
@@ -87,17 +87,17 @@ def refusal(box: str, command: str) -> str:
     if first and first[0].strip().startswith("Missing from"):
         return f"needed {_missing(first)}; got none; run: taxel {command} --help."
     upto = next((at for at, line in enumerate(first) if not line.strip()), len(first))
-    said = visible_line(" ".join(" ".join(first[:upto]).split()).rstrip("."))
+    message = visible_line(" ".join(" ".join(first[:upto]).split()).rstrip("."))
     meant = _MEANT.search("\n".join(line for part in parts for line in part))
     perhaps = f"perhaps {meant[1]} was meant; " if meant else ""
     for pattern, needed in _FORMS:
-        if found := re.search(pattern, said):
+        if found := re.search(pattern, message):
             known = {name: text.replace("'", "") for name, text in found.groupdict().items()}
             return (
                 f"needed {needed.format(**known)}; got {known['got']}; {perhaps}"
                 f"run: taxel {command} --help."
             )
-    return f"needed words that this verb takes; got others: {said}; run: taxel {command} --help."
+    return f"needed words that this verb takes; got others: {message}; run: taxel {command} --help."
 
 
 def _parts(box: str) -> list[list[str]]:

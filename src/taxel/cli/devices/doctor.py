@@ -87,8 +87,8 @@ def report(checks: list[Check]) -> list[Text]:
         colour = "green" if check.ok else "red" if check.required else "yellow"
         word = "ok" if check.ok else "missing"
         mend = "" if check.ok else f"; {check.mend}"
-        said = visible_line(f"{check.name}: {check.found}{mend}")
-        lines.append(Text.assemble((f"{word:<8}", colour), said))
+        line = visible_line(f"{check.name}: {check.found}{mend}")
+        lines.append(Text.assemble((f"{word:<8}", colour), line))
     required = sum(check.required and not check.ok for check in checks)
     optional = sum(not check.required and not check.ok for check in checks)
     if required:
@@ -171,13 +171,13 @@ def write_speed(output: Path) -> Check:
             os.fsync(file.fileno())
             speed = _TRIAL_BYTES / 1e6 / (time.perf_counter() - begun_s)
     except OSError as error:
-        speed, said = 0.0, (error.strerror or str(error)).lower()
+        speed, result = 0.0, (error.strerror or str(error)).lower()
     else:
-        said = f"{speed:.0f} MB/s of {WRITE_MB_S:.0f} needed"
+        result = f"{speed:.0f} MB/s of {WRITE_MB_S:.0f} needed"
     return Check(
         name="writing there",
         ok=speed >= WRITE_MB_S,
-        found=said,
+        found=result,
         mend="record to a faster disk",
     )
 

@@ -115,13 +115,13 @@ class Flash:
 
     def _check(self, hello: Hello, expected: tuple[int, int, int] | None, port: str) -> None:
         """Raise BadSource where the board's hello differs from what was written to it."""
-        said = [
+        settings = [
             ("protocol", str(hello.protocol), str(PROTOCOL)),
             ("firmware", _dotted(hello.firmware), expected and _dotted(expected)),
             ("number", str(hello.board), self.board_number),
             ("name", hello.board_id, self.board_id),
         ]
-        for what, is_now, wanted in said:
+        for what, is_now, wanted in settings:
             if wanted is not None and is_now != str(wanted):
                 raise BadSource(
                     f"{what} {wanted} from the board at {port} after writing",

@@ -127,8 +127,8 @@ class EvaluateTrials:
             say(f"note: {note}")
         if left_out:
             say(f"warning: {left_out}", style="yellow")
-        if said := unknown_line(verdicts):
-            say(said, style="yellow")
+        if reasons := unknown_line(verdicts):
+            say(reasons, style="yellow")
         if seen is not None:
             say(f"warning: {seen}", style="yellow")
 

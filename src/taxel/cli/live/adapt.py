@@ -100,15 +100,15 @@ class Adapt:
         """Refuse, before anything is read or written, what cannot be meant."""
         asked = {"--new": bool(self.new), "--correct": self.correct is not None,
                  "--history": self.history, "--rollback": self.rollback is not None}  # fmt: skip
-        said = [name for name, given in asked.items() if given]
-        if len(said) > 1 or not (said or self.touches):
+        ways = [name for name, given in asked.items() if given]
+        if len(ways) > 1 or not (ways or self.touches):
             raise BadInput(
                 "one of --touches, --new, --correct, --history and --rollback",
-                " and ".join(said) or "none", "choose one",
+                " and ".join(ways) or "none", "choose one",
             )  # fmt: skip
         beside = "--touches" if self.touches is not None else "--test"
         if (self.touches or self.test) and (self.history or self.rollback is not None):
-            raise BadInput(f"{said[0]} alone", f"{said[0]} and {beside}", "do one after the other")
+            raise BadInput(f"{ways[0]} alone", f"{ways[0]} and {beside}", "do one after the other")
         if self.grasps < 1:
             raise BadInput("--grasps of at least 1", str(self.grasps), "give a larger number")
         if self.rollback is not None and len(self.rollback) > 1:
@@ -238,10 +238,10 @@ class Adapt:
             if adapted.statistics
             else "the network's own features are enough"
         )
-        said = [f"{change.what}: {adapted.seconds:.2f} s; {features}"]
+        lines = [f"{change.what}: {adapted.seconds:.2f} s; {features}"]
         if run.contract.unknown is not None:
-            said.append("the test for unknown touch is left out: it was learned without this class")
-        self._say(adapted.run.contract, change, stored, detail, said)
+            lines += ["the test for unknown touch is left out: it was learned without this class"]
+        self._say(adapted.run.contract, change, stored, detail, lines)
 
     def _learn_corrections(self) -> None:
         from taxel.bundles.versions import Change
@@ -277,7 +277,7 @@ class Adapt:
             "drifts": [asdict(drift) | {"since": time}
                        for drift, time in zip(found.drifts, times, strict=True)],
         }  # fmt: skip
-        said = [
+        lines = [
             f"{found.grasps} grasps that gave a window: {found.prequential:.1%} correct while "
             f"learning, {found.unlearned:.1%} by the run as it was"
         ] + [
@@ -285,7 +285,7 @@ class Adapt:
             "reference object, and give that recording to --touches"
             for drift, time in zip(found.drifts, times, strict=True)
         ]
-        self._say(found.run.contract, change, stored, detail, said)
+        self._say(found.run.contract, change, stored, detail, lines)
 
     def _check_test(self, learned: Sequence[Path]) -> None:
         from taxel.training.adapt.new_data import check_apart

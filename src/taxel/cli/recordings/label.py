@@ -201,8 +201,10 @@ class Label:
                 self.rule, self.frame, pour.time_s, self.author, self.note
             )
         path = write_correction(pour.path, correction, duration_s)
-        said = "stable throughout" if self.stable else f"unstable from {correction.onset_s:.3f} s"
-        return f"{path}: {said} by {self.rule}"
+        verdict = (
+            "stable throughout" if self.stable else f"unstable from {correction.onset_s:.3f} s"
+        )
+        return f"{path}: {verdict} by {self.rule}"
 
     def _draw(self, path: Path, labels: PourLabels) -> None:
         from taxel.views.figures.labels import label_figure
@@ -224,7 +226,9 @@ def _plain(sheet: list[PourLabels], rule: str) -> dict[str, Any]:
                 "onset_s": labels.onset(rule),
                 "unstable_share": labels.unstable_share(rule),
                 "onsets_s": {name: labels.onset(name) for name in labels.by_rule},
-                "corrections": {name: asdict(said) for name, said in labels.corrections.items()},
+                "corrections": {
+                    name: asdict(correction) for name, correction in labels.corrections.items()
+                },
             }
             for labels in sheet
         ],
@@ -250,12 +254,12 @@ def _print(sheet: list[PourLabels], rule: str) -> None:
             str(len(labels.pour)),
             _seconds(labels.onset(rule)),
             "–" if share != share else f"{share:.1%}",
-            visible_line(_said(labels, rule)),
+            visible_line(_correction_text(labels, rule)),
         )
     console.print(table)
-    unsaid = sum(labels.labels(rule) is None for labels in sheet)
-    if unsaid:
-        say(f"{unsaid} of {len(sheet)} recordings have no physics truth for {rule}: "
+    unlabelled = sum(labels.labels(rule) is None for labels in sheet)
+    if unlabelled:
+        say(f"{unlabelled} of {len(sheet)} recordings have no physics truth for {rule}: "
                       "label them with --onset, --frame or --stable")  # fmt: skip
     rows = rule_agreement(sheet)
     person = person_agreement(sheet, rule)
@@ -267,7 +271,7 @@ def _print(sheet: list[PourLabels], rule: str) -> None:
         say("no physics truth beside all of these images: only change can be worked out")
 
 
-def _said(pour_labels: PourLabels, rule: str) -> str:
+def _correction_text(pour_labels: PourLabels, rule: str) -> str:
     correction = pour_labels.corrections.get(rule)
     if correction is None:
         return "–"
