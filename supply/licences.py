@@ -55,15 +55,15 @@ def licence_of(package: Distribution) -> str:
     stated = STATED.get(_name(package))
     if stated is not None:
         return stated[0]
-    said = package.metadata
-    expression = said.get("License-Expression")
+    metadata = package.metadata
+    expression = metadata.get("License-Expression")
     if expression:
         return str(expression)
-    classes = [c.rpartition(" :: ")[2] for c in said.get_all("Classifier") or []
+    classes = [c.rpartition(" :: ")[2] for c in metadata.get_all("Classifier") or []
                if c.startswith("License :: OSI Approved ::")]  # fmt: skip
     if classes:
         return " AND ".join(sorted(_CLASSIFIERS.get(class_, class_) for class_ in classes))
-    text = str(said.get("License") or "").strip()
+    text = str(metadata.get("License") or "").strip()
     return _FREE_TEXT.get(text.casefold(), text.partition("\n")[0])
 
 

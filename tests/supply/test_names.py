@@ -11,7 +11,7 @@ PLACES = ("src", "tests", "examples", "supply", "website", "mutants")
 NUMERALS = {"one", "two", "three"}
 DIALECT = {
     "tell", "tells", "told", "telling", "teller", "crew", "minds", "wish", "wishes", "strange",
-    "strangeness",
+    "strangeness", "said", "unsaid",
 }  # fmt: skip
 PUBLISHED = {
     "cli/live/live.py": {"tell"}, "cli/live/station.py": {"tell"},
@@ -97,7 +97,7 @@ def defined(text: str) -> set[str]:
 
 
 def in_dialect(names: set[str]) -> set[str]:
-    """Return the names of which a part is a word that only this project used."""
+    """Return the names of which a part is refused: our own dialect, or a word for no thing."""
     return {
         name
         for name in names
@@ -107,7 +107,8 @@ def in_dialect(names: set[str]) -> set[str]:
 
 @pytest.mark.parametrize("text", [
     "told = 1", "self._told_s = 0.0", "def tell_state(): pass", "class CrewWatch: pass",
-    "_TELL_S = 1", "def f(wishes): pass", "for minds in x: pass",
+    "_TELL_S = 1", "def f(wishes): pass", "for minds in x: pass", "said: str",
+    "def _shown_said(): pass", "self._said_s = 0.0",
 ])  # fmt: skip
 def test_a_word_of_dialect_is_found_in_any_defined_name(text: str):
     assert in_dialect(defined(text))
