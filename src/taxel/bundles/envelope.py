@@ -156,11 +156,11 @@ def unpack(
         words, signature = _checked(path, file)
         if trust is not None:
             check_signature(path, words, signature, trust)
-        found = read_members(file, wanted, _MOST_PACKED)
-    lacking = [name for name in needed if name not in found]
+        members = read_members(file, wanted, _MOST_PACKED)
+    lacking = [name for name in needed if name not in members]
     if lacking:
         raise damaged(path, f"another kind of bundle: it lacks {', '.join(lacking)}")
-    return found
+    return members
 
 
 def _opened(path: Path, *, once: bool) -> BinaryIO:

@@ -243,11 +243,11 @@ def read_grasp_bundle(
     backbone = None
     if contract.features not in OWN_FEATURES:
         backbone = open_engine(members["backbone.onnx"], engine, precision, threads, device)
-        found = backbone.run(frames=frame).shape
-        if found[:1] + found[-1:] != (1, len(contract.offset[0])) or len(found) != (
+        shape = backbone.run(frames=frame).shape
+        if shape[:1] + shape[-1:] != (1, len(contract.offset[0])) or len(shape) != (
             3 if contract.tare == "local-size" else 2
         ):
-            raise damaged(path, f"a backbone that gives features of shape {found}")
+            raise damaged(path, f"a backbone that gives features of shape {shape}")
     return GraspBundle(
         contract,
         head,

@@ -74,15 +74,17 @@ def measure_level(path: Path, contract: Contract, *, count: int | None = None) -
     contract.check_sensor(dataset.sensor)
     wanted = parse_reference(contract.reference.touches)
     named = [wanted.key in {**trial.groups, **trial.labels} for trial in dataset.trials]
-    own = [i for i, trial in enumerate(dataset.trials) if not any(named) or wanted.matches(trial)]
-    own = sorted(own, key=lambda i: (dataset.trials[i].recording, dataset.trials[i].start_s))
-    own = own[:count]
-    if not own:
+    chosen = [
+        i for i, trial in enumerate(dataset.trials) if not any(named) or wanted.matches(trial)
+    ]
+    chosen = sorted(chosen, key=lambda i: (dataset.trials[i].recording, dataset.trials[i].start_s))
+    chosen = chosen[:count]
+    if not chosen:
         raise BadDataset(
             f"touches of {wanted.key}={wanted.value} in {path}", "other objects only",
             "touch the known object a few times, or record it alone without labels",
         )  # fmt: skip
-    used = np.isin(dataset.trial, own)
+    used = np.isin(dataset.trial, chosen)
     values, mask = dataset.windows.values[used], dataset.windows.mask[used]
     measured = touch_level(values, mask)
     old = contract.reference.level
@@ -93,16 +95,16 @@ def measure_level(path: Path, contract: Contract, *, count: int | None = None) -
         level=level,
         change=change,
         silent=silent,
-        touches=len(own),
+        touches=len(chosen),
         windows=int(used.sum()),
         sessions=frozenset(
             dataset.trials[i].groups["session"]
-            for i in own
+            for i in chosen
             if "session" in dataset.trials[i].groups
         ),
         digest=dataset.digest,
         warnings=_warnings(contract.channels, change, silent)
-        + _saturated(path, dataset, np.array(own), contract.channels),
+        + _saturated(path, dataset, np.array(chosen), contract.channels),
     )
 
 

@@ -139,10 +139,10 @@ class _Walk:
                 raise _bad(f"more than {_MOST_FIELDS:,} parts")
             entries = lists.get(self._data[at])
             if entries is not None:
-                found = entries.match(self._data, at, end)
-                if found is None or found.end() == at:
+                entry = entries.match(self._data, at, end)
+                if entry is None or entry.end() == at:
                     raise _bad("a forest whose nodes have other numbers or kinds")
-                at = found.end()
+                at = entry.end()
                 continue
             tag, at = self._varint(at, end)
             number, kind = tag >> 3, tag & 7

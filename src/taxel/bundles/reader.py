@@ -104,14 +104,14 @@ def read_bundle(
     scaled = contract.scaling.apply(values, mask)
     try_models([Trial(members["model.onnx"], {"values": scaled, "mask": mask})])
     bundle = Bundle(contract, members["model.onnx"], threads, device)
-    found = bundle.probabilities(values, mask)
+    computed = bundle.probabilities(values, mask)
     alone = bundle.probabilities(values[:1], mask[:1])  # as it will be asked live
-    if found.shape != expected.shape or alone.shape != expected[:1].shape:
+    if computed.shape != expected.shape or alone.shape != expected[:1].shape:
         raise BadBundle(
-            f"probabilities of {len(contract.classes)} classes", f"{found.shape} from the model",
+            f"probabilities of {len(contract.classes)} classes", f"{computed.shape} from the model",
             "write the bundle again with taxel bundle",
         )  # fmt: skip
-    difference = largest_difference(found, expected)
+    difference = largest_difference(computed, expected)
     if not difference <= LARGEST_DIFFERENCE:
         raise BadBundle(
             f"its check windows to give the stored probabilities within {LARGEST_DIFFERENCE:g}",

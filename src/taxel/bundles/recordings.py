@@ -87,14 +87,14 @@ def load_by_session(path: Path, contract: Contract, touches: TouchLevel) -> Data
                 f"of --touches ({', '.join(sorted(touches.sessions)) or 'which name none'})",
                 f"{held[name]} in {name}", "leave it out, or give its own touches",
             )  # fmt: skip
-    own = np.flatnonzero([held[name] >= wanted.count for name in session])
+    levelled = np.flatnonzero([held[name] >= wanted.count for name in session])
     level = np.tile(touches.level, (len(trials), 1))
     used = np.zeros(len(trials), bool)
-    there = np.isin(dataset.trial, own)
-    if len(own):
-        level[own], used[own] = session_levels(
+    there = np.isin(dataset.trial, levelled)
+    if len(levelled):
+        level[levelled], used[levelled] = session_levels(
             dataset.windows.values[there], dataset.windows.mask[there],
-            np.searchsorted(own, dataset.trial[there]), [trials[i] for i in own], wanted,
+            np.searchsorted(levelled, dataset.trial[there]), [trials[i] for i in levelled], wanted,
         )  # fmt: skip
     factor = to_usual(level, contract.reference.level)
     left = ~used[dataset.trial]

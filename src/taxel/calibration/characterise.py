@@ -114,14 +114,14 @@ def characterise(
 def _sensor(
     name: str,
     form: Form,
-    own: PressTable,
+    presses: PressTable,
     taken: PressedRecording,
     measured: Responses,
     channel: int,
     rng: np.random.Generator,
 ) -> SensorResult:
-    curve, why = None, own.too_few
-    force_n, volts = own.force_n, own.volts
+    curve, why = None, presses.too_few
+    force_n, volts = presses.force_n, presses.volts
     if not why:
         try:
             curve = fit_curve(form, force_n, volts)
@@ -142,7 +142,7 @@ def _sensor(
         range_n = usable_range(
             curve, noise.told_rms_v, spread_v, float(force_n.min()), float(force_n.max())
         )
-    held = () if curve is None else held_out(own, form, range_n[1])
+    held = () if curve is None else held_out(presses, form, range_n[1])
     nan = math.nan
     return SensorResult(
         channel=name,
@@ -150,28 +150,28 @@ def _sensor(
         why_none=why,
         force_n=force_n,
         volts=volts,
-        rising=own.rising,
+        rising=presses.rising,
         held_out=held,
-        saturated=int((np.isfinite(own.all_volts) & ~own.good).sum()),
-        unusable=int((~np.isfinite(own.all_volts)).sum()),
+        saturated=int((np.isfinite(presses.all_volts) & ~presses.good).sum()),
+        unusable=int((~np.isfinite(presses.all_volts)).sum()),
         r2=nan if curve is None else r_squared(curve, force_n, volts),
         grid_n=grid,
         band_v=(nothing, nothing) if curve is None else band(curve, force_n, volts, grid, rng),
         hysteresis=(
             Hysteresis(mean_pct=nan, low_pct=nan, high_pct=nan, largest_pct=nan)
             if curve is None
-            else hysteresis(curve, force_n, volts, own.rising, rng)
+            else hysteresis(curve, force_n, volts, presses.rising, rng)
         ),
         repeatability_v=(
-            nan if curve is None else repeatability_v(curve, force_n, volts, own.rising)
+            nan if curve is None else repeatability_v(curve, force_n, volts, presses.rising)
         ),
         spread_v=spread_v,
         sensitivity=() if curve is None else _sensitivity(curve, force_n),
         smallest_n=range_n[0],
         largest_n=range_n[1],
-        rise_s=_quartiles(own.rise_s),
-        fall_s=_quartiles(own.fall_s),
-        recovery_s=_quartiles(own.recovery_s),
+        rise_s=_quartiles(presses.rise_s),
+        fall_s=_quartiles(presses.fall_s),
+        recovery_s=_quartiles(presses.recovery_s),
         noise=noise,
         rest=measured.lines[channel],
         errors=errors_of(held, rng),

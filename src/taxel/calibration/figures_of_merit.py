@@ -205,18 +205,18 @@ def ghosts(shares: Array, pressed: NDArray[np.int64], names: Sequence[str]) -> G
     c = len(names)
     mean, error = np.full((c, c), np.nan), np.full((c, c), np.nan)
     for row in range(c):
-        own = shares[pressed == row]
-        own = own[np.isfinite(own).all(axis=1)]
-        if len(own) > 1:
-            mean[row] = own.mean(axis=0)
-            error[row] = own.std(axis=0, ddof=1) / math.sqrt(len(own))
-    found = []
+        on_row = shares[pressed == row]
+        on_row = on_row[np.isfinite(on_row).all(axis=1)]
+        if len(on_row) > 1:
+            mean[row] = on_row.mean(axis=0)
+            error[row] = on_row.std(axis=0, ddof=1) / math.sqrt(len(on_row))
+    outliers = []
     for row, column in np.argwhere(np.abs(mean) - 2.0 * error > GHOST_SHARE):
         if row != column:
             share = float(mean[row, column])
-            found.append((abs(share), f"{names[row]} → {names[column]}: {share:.1%}"))
+            outliers.append((abs(share), f"{names[row]} → {names[column]}: {share:.1%}"))
     return Ghosts(
         share=tuple(tuple(map(float, row)) for row in mean),
         error=tuple(tuple(map(float, row)) for row in error),
-        named=tuple(text for _, text in sorted(found, reverse=True)),
+        named=tuple(text for _, text in sorted(outliers, reverse=True)),
     )

@@ -233,10 +233,10 @@ def _one(
             say(str(error))
             continue
         samples = listener.since(start_s)
-        found = None if samples is None else find_press(
+        interval_s = None if samples is None else find_press(
             samples, press.channel, info.rate_hz, float(noise_v[press.channel])
         )  # fmt: skip
-        if found is None:
+        if interval_s is None:
             say(f"no press seen on {name}; once more, after the question")
             continue
         labels = {
@@ -245,7 +245,7 @@ def _one(
             "direction": "up" if press.rising else "down",
             "round": str(press.round),
         }
-        return Mark(start_s=found[0], end_s=found[1], labels=labels)
+        return Mark(start_s=interval_s[0], end_s=interval_s[1], labels=labels)
 
 
 def find_press(

@@ -98,14 +98,14 @@ def _of_channel(
     edges = np.flatnonzero(np.diff(np.concatenate([[False], volts > least_v, [False]])))
     farads = circuit.capacitance_pf * 1e-12
     over_tau = 1.0 / (rate_hz * circuit.time_constant_s)
-    found = []
+    powers = []
     for first, last in edges.reshape(-1, 2).tolist():
         if last - first < max(2.0, _LEAST_S * rate_hz):
             continue
         run = volts[first:last]
         peak = int(np.argmax(run))
         open_v = float(run[peak] + run[:peak].sum() * over_tau)
-        found.append(
+        powers.append(
             PressPower(
                 at_s=float(time_s[first]),
                 channel=channel,
@@ -115,7 +115,7 @@ def _of_channel(
                 at_end=bool(ends[first:last].any()),
             )
         )
-    return found
+    return powers
 
 
 def capacitor_curve(

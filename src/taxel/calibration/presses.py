@@ -160,11 +160,11 @@ def _script(rows: list[tuple[str, dict[str, str], float, float]], sensor: Sensor
         presses.append((press, bool(way), "round" in labels))
     every = [press for press, _, _ in presses]
     _check_apart(every)
-    found: list[Press] = []
+    all_presses: list[Press] = []
     for channel in sorted({press.channel for press in every}):
-        found += _in_series([press for press in presses if press[0].channel == channel])
+        all_presses += _in_series([press for press in presses if press[0].channel == channel])
     return Script(
-        presses=tuple(sorted(found, key=lambda press: press.start_s)),
+        presses=tuple(sorted(all_presses, key=lambda press: press.start_s)),
         references=tuple(references),
     )
 

@@ -105,15 +105,17 @@ def measure_responses(
     lines = tuple(_line(smooth[:, c], time_s, blocks[c]) for c in range(channels))
     noise = [_rms(smooth[:, c], blocks[c]) for c in range(channels)]
     signal = _Signal(samples, smooth, resting, lines, noise, rate_hz)
-    found = [_press(press, signal, measure) for press in script.presses]
+    responses = [_press(press, signal, measure) for press in script.presses]
     return Responses(
         presses=script.presses,
-        height=np.array([response.height for response in found]),
-        saturated=np.array([response.saturated for response in found], bool),
-        rise_s=np.array([response.rise_s for response in found]),
-        fall_s=np.array([response.fall_s for response in found]),
-        recovery_s=np.array([response.recovery_s for response in found]),
-        ghost=np.array([response.ghost for response in found]).reshape(len(found), channels),
+        height=np.array([response.height for response in responses]),
+        saturated=np.array([response.saturated for response in responses], bool),
+        rise_s=np.array([response.rise_s for response in responses]),
+        fall_s=np.array([response.fall_s for response in responses]),
+        recovery_s=np.array([response.recovery_s for response in responses]),
+        ghost=np.array([response.ghost for response in responses]).reshape(
+            len(responses), channels
+        ),
         lines=lines,
         blocks=blocks,
         smooth=smooth,
@@ -177,25 +179,27 @@ def _press(
     part = slice(int(first), int(last))
     base = np.array([_base(c, part, signal) for c in range(smooth.shape[1])])
     above = smooth[part] - base
-    own = above[:, press.channel]
-    peak = int(np.argmax(own))
-    quarter = len(own) // 4
-    height = float(own[peak] if measure == "peak" else np.median(own[quarter : len(own) - quarter]))
+    pressed = above[:, press.channel]
+    peak = int(np.argmax(pressed))
+    quarter = len(pressed) // 4
+    height = float(
+        pressed[peak] if measure == "peak" else np.median(pressed[quarter : len(pressed) - quarter])
+    )
     end = np.uint8(Validity.SATURATED)
     high = samples.values[part, press.channel] > base[press.channel] + height / 2
     saturated = bool((((samples.validity[part, press.channel] & end) != 0) & high).any())
     if not samples[part].usable[:, press.channel].all():
         height = math.nan
     clear = height > _CLEAR * signal.noise[press.channel] and not saturated
-    area = float(own.sum())
+    area = float(pressed.sum())
     ghost = above.sum(axis=0) / area if area > 0 else np.full(smooth.shape[1], np.nan)
     raw = samples.values[part, press.channel].astype(np.float64) - base[press.channel]
     return _One(
         height=height,
         saturated=saturated,
-        rise_s=rise_s(raw, peak, float(own[peak]), rate_hz) if clear else math.nan,
-        fall_s=_fall_s(own, peak, rate_hz) if clear else math.nan,
-        recovery_s=recovery_s(raw, peak, float(own[peak]), rate_hz) if clear else math.nan,
+        rise_s=rise_s(raw, peak, float(pressed[peak]), rate_hz) if clear else math.nan,
+        fall_s=_fall_s(pressed, peak, rate_hz) if clear else math.nan,
+        recovery_s=recovery_s(raw, peak, float(pressed[peak]), rate_hz) if clear else math.nan,
         ghost=ghost if math.isfinite(height) else np.full(smooth.shape[1], np.nan),
     )
 

@@ -107,16 +107,16 @@ class Calibration:
 
 
 def document_of(
-    found: Characterisation, made_from: list[dict[str, Any]], options: Mapping[str, Any]
+    results: Characterisation, made_from: list[dict[str, Any]], options: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return the content of a calibration file.
 
     Args:
-        found: What was measured.
+        results: What was measured.
         made_from: One a recording: what it is, and its SHA-256 where it is a file.
         options: How it was asked for.
     """
-    sensor = found.sensor
+    sensor = results.sensor
     body: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
@@ -132,19 +132,19 @@ def document_of(
         "conditions": {k: v for k, v in sensor.details.items() if k not in _IDENTITY},
         "made_from": made_from,
         "options": dict(options),
-        "measure": found.measure,
-        "form": found.form,
-        "form_scores_aicc": found.form_scores,
-        "forces_n": list(found.forces_n),
-        "channels": [_channel(sensor) for sensor in found.sensors],
-        "errors": [asdict(error) for error in found.errors],
+        "measure": results.measure,
+        "form": results.form,
+        "form_scores_aicc": results.form_scores,
+        "forces_n": list(results.forces_n),
+        "channels": [_channel(sensor) for sensor in results.sensors],
+        "errors": [asdict(error) for error in results.errors],
         "error_by_force": [
             {"force_n": force, "curve_n": curve, "line_n": line}
-            for force, curve, line in found.error_by_force
+            for force, curve, line in results.error_by_force
         ],
-        "at_one_force": asdict(found.at_one_force),
-        "references": [asdict(reference) for reference in found.references],
-        "ghosts": asdict(found.ghosts),
+        "at_one_force": asdict(results.at_one_force),
+        "references": [asdict(reference) for reference in results.references],
+        "ghosts": asdict(results.ghosts),
     }
     body = json.loads(json.dumps(_plain(body)))
     return {**body, "sha256": _digest(body)}

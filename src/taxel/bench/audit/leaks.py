@@ -29,7 +29,7 @@ def planted_leaks() -> list[Row]:
     A plant is found where its verdict is an alarm, and worse than any that the clean recordings
     got, by themselves or split.
     """
-    found: list[str] = []
+    found_leaks: list[str] = []
     lost: list[str] = []
     false: list[str] = []
     waiting: list[str] = []
@@ -51,13 +51,13 @@ def planted_leaks() -> list[Row]:
                 spoilt, sides, run = plant.make(touch, Path(scratch))
                 got = new_alarms(audit(spoilt, system, sides, run=run), before)
                 for kind in plant.kinds:
-                    (found if kind in got else lost).append(f"{system}: {kind}")
-    kinds = {name.partition(": ")[2] for name in found + lost}
+                    (found_leaks if kind in got else lost).append(f"{system}: {kind}")
+    kinds = {name.partition(": ")[2] for name in found_leaks + lost}
     note = f"{len(kinds)} kinds" + (f"; not found: {', '.join(lost)}" if lost else "")
     row_name = f"{clean} audits, by themselves and split by session or cup"
     return [
-        row("leaks found of those planted, both systems", len(found), "leaks", ">=",
-            len(found) + len(lost), note),
+        row("leaks found of those planted, both systems", len(found_leaks), "leaks", ">=",
+            len(found_leaks) + len(lost), note),
         row("alarms on clean splits, both systems", len(false), "alarms", "<=", 0,
             row_name + (f": {', '.join(false)}" if false else "")
             + "; hazards by themselves, not counted: " + (", ".join(waiting) or "none")),

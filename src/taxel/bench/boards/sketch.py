@@ -178,7 +178,7 @@ def _wanted(
     counts = chip.converter.counts(windows.values)
     answers = run_integers(chip.integers, quantise_counts(chip.integers, counts))
     end = counts >= chip.converter.counts(np.full(1, sensor.full_scale or 9.0))[0]
-    found: list[tuple[int, int | None, int, int]] = []
+    decisions: list[tuple[int, int | None, int, int]] = []
     for number in range(len(windows)):
         confidence = int(answers.confidence[number])
         reason = Doubt.NOT_SURE if confidence < 128 else Doubt.NONE
@@ -186,5 +186,5 @@ def _wanted(
             reason = Doubt.SATURATED
         best = None if reason else int(answers.best[number])
         tick = round(float(windows.end_s[number]) * TICK_HZ)
-        found.append((tick, best, confidence, int(reason)))
-    return found
+        decisions.append((tick, best, confidence, int(reason)))
+    return decisions

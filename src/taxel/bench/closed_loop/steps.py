@@ -245,16 +245,16 @@ def _hard_rows(hard: Sequence[JudgedPour]) -> list[Row]:
     """Return what failing grips, sudden slips and pushes give."""
     rows = []
     for name, kinds in (("failing grips and sudden slips", FAILING), ("pushes", ("bump",))):
-        own = [pour for pour in hard if pour.run.kind in kinds]
+        pours = [pour for pour in hard if pour.run.kind in kinds]
         what = f"taxel, {name}: preventable drops prevented"
         goal = f">= {FAILING_PREVENTED}" if kinds == FAILING else ""
-        scores = score_loops([pour.taxel for pour in own]) if own else None
+        scores = score_loops([pour.taxel for pour in pours]) if pours else None
         if scores is None or not scores.preventable:
             rows.append(missing(what, "share", goal, "no preventable drop among them"))
             continue
-        counts = Counter(pour.run.kind for pour in own)
+        counts = Counter(pour.run.kind for pour in pours)
         note = ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items()))
-        by_person = score_loops([pour.person for pour in own])
+        by_person = score_loops([pour.person for pour in pours])
         note = f"{_of(scores)}; {note}"
         rows.append(
             row(what, scores.prevented_share, "share", ">=", FAILING_PREVENTED, note)

@@ -240,7 +240,7 @@ def play_alarms(
     bare = replay_loop(track.run, config)
     full = at_full_force(track.run, config) if bare.dropped else bare
     known: dict[tuple[bool, ...], tuple[LoopTrack, LoopTrack]] = {}
-    found = []
+    results = []
     for stability in grid:
         decisions = _decisions(track, stability)
         alarms = tuple(decision.alarm for decision in decisions)
@@ -254,13 +254,13 @@ def play_alarms(
             first_s = float(track.time_s[alarms.index(True)]) + ARRIVAL_S + config.inference_s
             command = GripCommand(time_s=first_s, force_n=policy.most_n)
             known[alarms] = replace(bare, commands=(command,)), bare
-        found.append(known[alarms])
+        results.append(known[alarms])
     return [
         (
             LoopCase(bare=thin(bare), full=thin(full), held=thin(held)),
             LoopCase(bare=thin(bare), full=thin(full), held=thin(person)),
         )
-        for held, person in found
+        for held, person in results
     ]
 
 

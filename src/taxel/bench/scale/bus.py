@@ -117,14 +117,14 @@ def zenoh_rows() -> list[Row]:
         listener.stdout.readline()
         sleep(1.0)  # until publisher and subscriber know each other
         sent = _send(source, _SECONDS)
-        found: dict[str, Any] = json.loads(listener.stdout.readline())
+        received: dict[str, Any] = json.loads(listener.stdout.readline())
     scans, frames = sent
-    gone = scans - found["scans"] + frames - found["frames"]
-    p50, p99, most = found["late_ms"]
+    gone = scans - received["scans"] + frames - received["frames"]
+    p50, p99, most = received["late_ms"]
     return [
         row(_LOST, gone, "of "
-            f"{scans + frames:,}", "<=", 0.0, f"{found['lost']} messages by number, "
-            f"{found['lost_before']} before the publisher; {_SECONDS:g} s"),
+            f"{scans + frames:,}", "<=", 0.0, f"{received['lost']} messages by number, "
+            f"{received['lost_before']} before the publisher; {_SECONDS:g} s"),
         row("live bus: from a scan's ring to a subscriber, 99 %", p99, "ms", "<=", 15.0,
             f"batches of 10 ms; median {p50:.1f}, longest {most:.1f} ms; the machine's load was "
             f"{os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"),

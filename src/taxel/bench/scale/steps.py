@@ -94,7 +94,7 @@ def killed_node_rows() -> list[Row]:
     node = {"num_cpus": 1, "object_store_memory": 100_000_000}
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch, _imports():
         folder = Path(scratch)
-        found: dict[int, str] = {}
+        digests: dict[int, str] = {}
         cluster = Cluster(initialize_head=True, head_node_args={**node, "include_dashboard": False})
         try:
             other = cluster.add_node(**node)
@@ -102,14 +102,14 @@ def killed_node_rows() -> list[Row]:
             with use_engine(open_engine(f"ray://{cluster.address}")):
                 jobs = [(folder, number, False) for number in range(JOBS)]
                 for number, digest in as_done(pour_digest, jobs):
-                    if len(found) == JOBS // 4:
+                    if len(digests) == JOBS // 4:
                         cluster.remove_node(other, allow_graceful=False)
-                    found[number] = digest
+                    digests[number] = digest
             seconds = perf_counter() - started
         finally:
             cluster.shutdown()
     return [
-        row(row_name, _equal(found), "jobs", ">=", JOBS, f"{seconds:.0f} s; killed after 4 jobs")
+        row(row_name, _equal(digests), "jobs", ">=", JOBS, f"{seconds:.0f} s; killed after 4 jobs")
     ]
 
 

@@ -80,19 +80,19 @@ def rows_of(found: Sequence[PourFeatures]) -> list[Row]:
 
 def _kind_rows(kind: Kind, tracks: Sequence[StateTrack]) -> list[Row]:
     name = f"slip warning by kind, {BUNDLE}, {kind}"
-    own = [judge(track, EVENTS) for track in tracks if track.groups["kind"] == kind]
-    if not own:
+    outcomes = [judge(track, EVENTS) for track in tracks if track.groups["kind"] == kind]
+    if not outcomes:
         return [missing(f"{name}: median lead before 300 um", "s", "", "none rendered yet")]
-    events = summarise(own)
-    missed = sum(outcome.missed for outcome in own)
-    about = f"{events.events} slips of {len(own)} grasps on {events.clusters} test cups"
+    events = summarise(outcomes)
+    missed = sum(outcome.missed for outcome in outcomes)
+    about = f"{events.events} slips of {len(outcomes)} grasps on {events.clusters} test cups"
     if events.clusters < len(TEST_CUPS):
         about += f" (asked: {len(TEST_CUPS)}; go on with --full)"
     rows = []
     if events.events:
         low, high = binomtest(missed, events.events).proportion_ci(0.95, "exact")
         lead_low, lead_high = events.lead_interval_s
-        warned = sum(outcome.event and outcome.lead_s is not None for outcome in own)
+        warned = sum(outcome.event and outcome.lead_s is not None for outcome in outcomes)
         rows = [
             _row(f"{name}: median lead before 300 um", events.lead_median_s, "s",
                  f"95 % {lead_low:.2f} … {lead_high:.2f}, cups resampled; {about}, "

@@ -226,16 +226,16 @@ def _painted(study: _Study, wheel: Path, on_step: Callable[[str], None]) -> list
         ours = own.simulated.rows.reshape(len(trials), -1, painted.shape[1])[kept, MIDDLE_CROP]
         sets = {"our images": _learning(ours, y, cups), "CycleGAN": _learning(painted, y, cups)}
         for objects, beside in ((0, "alone"), (None, "and all real training objects")):
-            found = {
+            probabilities = {
                 name: transfer(learning, own.real, probed.split, objects)
                 for name, learning in sets.items()
             }
             what = f"{feature}, {len(kept)} simulated crops {beside}"
             note = f"{2 * 8 * len(kept)} images, {spent_s:.2f} s of the processor each"
             rows += [
-                _row(probed, f"{what}, our images", found["our images"], ""),
-                _row(probed, f"{what}, CycleGAN", found["CycleGAN"], note,
-                     ("our images", found["our images"])),
+                _row(probed, f"{what}, our images", probabilities["our images"], ""),
+                _row(probed, f"{what}, CycleGAN", probabilities["CycleGAN"], note,
+                     ("our images", probabilities["our images"])),
             ]  # fmt: skip
     return rows
 

@@ -55,13 +55,13 @@ def signal_rows(folder: Path) -> list[Row]:
     from taxel.evaluation.camera_trials.slip_signal import signal_auc
     from taxel.training.frames.features import default_cache
 
-    found = signal_auc(folder, default_cache())
-    others = "; ".join(f"{name} {value:.3f}" for name, value in found.others.items())
-    low, high = found.interval
-    least, most = found.apart_interval
-    objects, trials = found.apart
+    scores = signal_auc(folder, default_cache())
+    others = "; ".join(f"{name} {value:.3f}" for name, value in scores.others.items())
+    low, high = scores.interval
+    least, most = scores.apart_interval
+    objects, trials = scores.apart
     note = (
-        f"{found.name}, chosen among some on the labels of every other object; 95 % CI over "
+        f"{scores.name}, chosen among some on the labels of every other object; 95 % CI over "
         f"objects [{low:.3f}, {high:.3f}]; {others}"
     )
     apart = (
@@ -69,7 +69,7 @@ def signal_rows(folder: Path) -> list[Row]:
         "an earlier formula of this form had been chosen on all objects (decision 41)"
     )
     return [
-        row(f"{UNLEARNED}: AUC", found.auc, "AUC", ">=", LEAST_UNLEARNED, note),
-        row(f"{UNLEARNED}, the objects that no formula was chosen on: AUC", found.apart_auc, "AUC",
+        row(f"{UNLEARNED}: AUC", scores.auc, "AUC", ">=", LEAST_UNLEARNED, note),
+        row(f"{UNLEARNED}, the objects that no formula was chosen on: AUC", scores.apart_auc, "AUC",
             ">=", LEAST_UNLEARNED, apart),
     ]  # fmt: skip

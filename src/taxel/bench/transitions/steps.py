@@ -176,12 +176,12 @@ def _live_steps() -> tuple[float, list[float], int, float]:
             "print(json.dumps([float(np.median(m)),float(np.percentile(m,99)),len(m),"
             "int(open('/proc/self/status').read().split('VmHWM:')[1].split()[0])/1024]))"
         )
-        found = [run_code(code) for _ in range(ROUNDS)]
+        rounds = [run_code(code) for _ in range(ROUNDS)]
     return (
-        min(each[0] for each in found),
-        [each[1] for each in found],
-        int(found[0][2]),
-        max(each[3] for each in found),
+        min(each[0] for each in rounds),
+        [each[1] for each in rounds],
+        int(rounds[0][2]),
+        max(each[3] for each in rounds),
     )
 
 

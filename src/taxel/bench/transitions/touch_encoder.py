@@ -44,11 +44,11 @@ def cost_rows() -> list[Row]:
     from taxel.windows.touch_view import MODEL
 
     numbers = keras_parameters(find_backbone(TOUCH).build("logits"))
-    found = shipped_weights(TOUCH)
+    weights = shipped_weights(TOUCH)
     name = "touch encoder: weights that come with taxel"
     size = missing(name, "MB", f"<= {MOST_MB:g}", "none")
-    if found is not None and found.path is not None:
-        megabytes = (found.path.stat().st_size + MODEL.stat().st_size) / 1e6
+    if weights is not None and weights.path is not None:
+        megabytes = (weights.path.stat().st_size + MODEL.stat().st_size) / 1e6
         size = row(name, megabytes, "MB", "<=", MOST_MB, "16 bits; and ONNX, 32 bits")
     rounds, spent = _image_times((TOUCH, LITE0, RESNET))
     how = "ONNX Runtime f32, one thread, 320×240 in, resize included"

@@ -91,14 +91,14 @@ def quantise(
     weights, biases, logit = _last(*network.last, scale)
     factor, offset = _input(scaling, converter, input_scale)
     exp_shift, exp_multiplier = _exp(logit)
-    found = IntegerNetwork(
+    quantised = IntegerNetwork(
         rows=network.rows, columns=network.columns, signed=signed,
         input_factor=factor, input_offset=offset, first=first, second=second, hidden=hidden,
         last_weights=weights, last_biases=biases,
         exp_shift=exp_shift, exp_multiplier=exp_multiplier,
     )  # fmt: skip
-    _check_bounds(found)
-    return found
+    _check_bounds(quantised)
+    return quantised
 
 
 def _peak(values: Floats) -> float:

@@ -206,12 +206,12 @@ def _report(
         )  # fmt: skip
     names = np.array([contract.classes.index(class_) for class_ in tested.classes(contract.target)])
     truth = names[tested.class_numbers(contract.target)]
-    own = [fingerprint_of(digest) for digest in tested.fingerprints.values()]
-    seen = sum(name in contract.learned for name in own)
-    if tested.digest == contract.data_digest or seen == len(own):
+    fingerprints = [fingerprint_of(digest) for digest in tested.fingerprints.values()]
+    seen = sum(name in contract.learned for name in fingerprints)
+    if tested.digest == contract.data_digest or seen == len(fingerprints):
         where = "the recordings that it was trained on (nothing held out)"
     elif seen:
-        where = f"recordings of which it was trained on {seen} of {len(own)}"
+        where = f"recordings of which it was trained on {seen} of {len(fingerprints)}"
     else:
         where = "recordings other than its training set"
     counts = converter.counts(tested.windows.values)
