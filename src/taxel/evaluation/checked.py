@@ -147,16 +147,16 @@ def _fit_folds(
         on_step: Called with a line before each fit; after it where folds are fitted side by side.
     """
     folds = opened.split.folds
-    found = {(model, number): kept.find(model, number, fold)
-             for model, kept in models.items() for number, fold in enumerate(folds)}  # fmt: skip
-    left = [place for place, result in found.items() if result is None]
+    results = {(model, number): kept.find(model, number, fold)
+               for model, kept in models.items() for number, fold in enumerate(folds)}  # fmt: skip
+    left = [place for place, result in results.items() if result is None]
     names = [f"{model} · {opened.split.name} · {folds[number].name}" for model, number in left]
     if not shared_out():
         for (model, number), name in zip(left, names, strict=True):
             on_step(name)
             result = fold_of(opened, source.recipe, model, number, watch=True)
             models[model].keep(model, number, result)
-            found[model, number] = result
+            results[model, number] = result
     else:
         on_step(f"{len(left)} folds side by side")
         content, source = content_digest(opened.dataset, source.recipe.target), travelling(source)
@@ -169,8 +169,8 @@ def _fit_folds(
             model, number = left[at]
             on_step(names[at])
             models[model].keep(model, number, result)
-            found[model, number] = result
-    return {model: [_present(found[model, number]) for number in range(len(folds))]
+            results[model, number] = result
+    return {model: [_present(results[model, number]) for number in range(len(folds))]
             for model in models}  # fmt: skip
 
 

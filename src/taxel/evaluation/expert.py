@@ -140,14 +140,14 @@ def train_expert(
     channels = task.channels if like is None else like.window.channels
     base = load_base(task.data, task.target, channels, task.test)
     folds = task.split.of(base)
-    own = _learned_from(base, folds, task.split)
+    learned = _learned_from(base, folds, task.split)
     if reject_novel is not None:  # refused now, not after minutes
         parts = parts_of(task.target, (trial.labels for trial in base.dataset.trials))
-        check_enough(len(own), len(parts), reject_novel)
+        check_enough(len(learned), len(parts), reject_novel)
     if like is not None:
         on_step("cutting as chosen before")
         cut = _cut_as(base, like)
-        expert = _repeat(base, cut, like, own, reject_novel, seed, on_step)
+        expert = _repeat(base, cut, like, learned, reject_novel, seed, on_step)
         if task.check:
             score = check_choice(base, cut, like, folds, seed, on_step)
             expert = _with_score(expert, score)
@@ -159,23 +159,23 @@ def train_expert(
     prepared = prepare_all(base)
     planned = PLANNED * 60.0 * limits.minutes - (perf_counter() - started)
     checked = len(folds.folds) * task.check
-    same = checked == 1 and _trains_on(folds, own)
+    same = checked == 1 and _trains_on(folds, learned)
     budget = Budget(max(0.0, planned), 1 if same else checked + 1)
     effort = Effort(budget=budget, seed=seed, kept=kept, on_step=on_step, most_us=limits.bare_us)
     on_step(f"choosing on {_PART if same else _ALL}")
-    found = choose(base, prepared, own, _held(base, folds), effort)
+    search = choose(base, prepared, learned, _held(base, folds), effort)
 
     def fitted_on(which: str) -> Fitted:
         on_step(f"training what was chosen on {which}")
-        return fit_within(found, own, limits, seed=seed, pieces=effort.pieces)
+        return fit_within(search, learned, limits, seed=seed, pieces=effort.pieces)
 
     fitted = fitted_on(_PART) if same else None
     nested = None
     if task.check:
-        known = None if fitted is None else (found, fitted)
+        known = None if fitted is None else (search, fitted)
         nested = check_choosing(base, prepared, folds, effort, task.bars, limits, known)
     fitted = fitted or fitted_on(_ALL)
-    expert = _within(found, fitted, own, nested, limits, reject_novel, seed)
+    expert = _within(search, fitted, learned, nested, limits, reject_novel, seed)
     expert = replace(expert, notes=(*expert.notes, *_table_notes(base, folds, task.split)))
     kept.forget()
     bars_s = 0.0 if nested is None else nested.bars_s

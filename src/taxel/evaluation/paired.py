@@ -278,49 +278,50 @@ def _ordered(found: Predictions) -> Predictions:
     )
 
 
-def _verdict(found: Paired, first: str, second: str) -> str:
-    n, points = len(found.groups), 100 * found.difference
-    groups = f"{n} {found.group}s"
+def _verdict(paired: Paired, first: str, second: str) -> str:
+    n, points = len(paired.groups), 100 * paired.difference
+    groups = f"{n} {paired.group}s"
     sentences = []
-    if not found.only_first and not found.only_second:
+    if not paired.only_first and not paired.only_second:
         sentences.append("The two runs are right and wrong on the very same windows.")
     elif n < 2:
         sentences.append(
-            f"No difference can be claimed: all windows are of one {found.group}, which says "
+            f"No difference can be claimed: all windows are of one {paired.group}, which says "
             "nothing of another."
         )
-    elif found.p_groups < LEVEL:
+    elif paired.p_groups < LEVEL:
         better = second if points > 0 else first
         better = better[0].upper() + better[1:] if better.startswith("the ") else better
-        low, high = (100 * bound for bound in found.interval)
+        low, high = (100 * bound for bound in paired.interval)
         sentences.append(
             f"{better} is better by {abs(points):.1f} points over {groups} (second minus first, "
-            f"95 %: {low:+.1f} to {high:+.1f}), p {_p(found.p_groups)}."
+            f"95 %: {low:+.1f} to {high:+.1f}), p {_p(paired.p_groups)}."
         )
-    elif found.smallest_p >= LEVEL:
+    elif paired.smallest_p >= LEVEL:
         sentences.append(
             f"No difference can be claimed with {groups}: the smallest possible p is "
-            f"{found.smallest_p:.2g}. Record more of them."
+            f"{paired.smallest_p:.2g}. Record more of them."
         )
     else:
         sentences.append(
-            f"No difference can be claimed: p {_p(found.p_groups)} over {groups} (the smallest "
-            f"possible is {found.smallest_p:.2g})."
+            f"No difference can be claimed: p {_p(paired.p_groups)} over {groups} (the smallest "
+            f"possible is {paired.smallest_p:.2g})."
         )
-    if found.p_groups >= LEVEL and found.p_windows < LEVEL:
+    if paired.p_groups >= LEVEL and paired.p_windows < LEVEL:
         sentences.append(
-            f"The test over windows alone says p {_p(found.p_windows)}, but windows of one "
-            f"{found.group} are alike: it promises too much."
+            f"The test over windows alone says p {_p(paired.p_windows)}, but windows of one "
+            f"{paired.group} are alike: it promises too much."
         )
-    if found.group != found.coarsest:
+    if paired.group != paired.coarsest:
         sentences.append(
-            f"{found.group.capitalize()}s of one {found.coarsest} are alike too: it promises much."
+            f"{paired.group.capitalize()}s of one {paired.coarsest} are alike too: it promises "
+            "much."
         )
-    if found.lone not in (None, found.group):
+    if paired.lone not in (None, paired.group):
         sentences.append(
-            f"Only one {found.lone} was tested: this says nothing about other {found.lone}s."
+            f"Only one {paired.lone} was tested: this says nothing about other {paired.lone}s."
         )
-    if "leaks" in found.split:
+    if "leaks" in paired.split:
         sentences.append("The split leaks: whatever is better here need not be on new recordings.")
     return " ".join(sentences)
 

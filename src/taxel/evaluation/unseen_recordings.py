@@ -55,7 +55,7 @@ def predictions_on(run: Run, folder: Path) -> tuple[Predictions, tuple[str, ...]
     number = np.array([contract.classes.index(label) for label in labels], np.intp)
     windows = dataset.windows
     fitted = Fitted(run.networks, contract.scaling, [])
-    found = Predictions(
+    predictions = Predictions(
         split=f"trained elsewhere, tested on {folder.name or folder}",
         classes=contract.classes,
         trials=dataset.trials,
@@ -67,7 +67,7 @@ def predictions_on(run: Run, folder: Path) -> tuple[Predictions, tuple[str, ...]
         y=number[dataset.trial],
         probabilities=fitted.probabilities(windows.values, windows.mask),
     )
-    return found, dataset.notes
+    return predictions, dataset.notes
 
 
 def only_tested(found: Predictions, table: FoldTable) -> Predictions:

@@ -158,8 +158,8 @@ def by_session(
     def report(points: list[Any]) -> None:
         on_step(f"{what} · {points[0].target} · {points[0].session} held out")
 
-    found = side_by_side(work, jobs, report, config.workers)
-    return [point for points in found for point in points]
+    by_job = side_by_side(work, jobs, report, config.workers)
+    return [point for points in by_job for point in points]
 
 
 def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> list[GraspsPoint]:

@@ -65,31 +65,32 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
     train = everything[everything.session != session]
     run = run_of(dataset, train, classes, target, config.recipe)
     assert run.exemplars is not None
-    own = everything[everything.session == session]
-    order = np.array(list(dict.fromkeys(own.grasp)))
+    windows = everything[everything.session == session]
+    order = np.array(list(dict.fromkeys(windows.grasp)))
     rng = np.random.default_rng(sorted(set(everything.session)).index(session))
-    gain = draw_gains(rng, ALL, own.values.shape[2])
+    gain = draw_gains(rng, ALL, windows.values.shape[2])
     points = []
     for changed in (False, True):
-        stream = own
+        stream = windows
         if changed:
-            late = np.isin(own.grasp, order[len(order) // 2 :])
+            late = np.isin(windows.grasp, order[len(order) // 2 :])
             factor = np.where(late[:, None, None], gain, 1.0)
-            stream = replace(own, values=(own.values * factor).astype(np.float32))
+            stream = replace(windows, values=(windows.values * factor).astype(np.float32))
         kept = np.isin(stream.grasp, order[3::4])
-        found = learn_corrections(run, _grasps(stream[~kept], classes))
+        corrected = learn_corrections(run, _grasps(stream[~kept], classes))
         test, other = stream[kept], train[~np.isin(train.grasp, run.exemplars.grasp)]
-        before, after = best(run, other) == other.y, best(found.run, other) == other.y
+        before, after = best(run, other) == other.y, best(corrected.run, other) == other.y
         lost = [
             float(before[other.y == c].mean() - after[other.y == c].mean())
             for c in np.unique(other.y)
         ]
         points.append(
             OnlinePoint(
-                target, session, changed, found.grasps, found.prequential, found.unlearned,
+                target, session, changed, corrected.grasps, corrected.prequential,
+                corrected.unlearned,
                 float((best(run, test) == test.y).mean()),
-                float((best(found.run, test) == test.y).mean()),
-                max(lost, default=float("nan")), tuple(drift.grasp for drift in found.drifts),
+                float((best(corrected.run, test) == test.y).mean()),
+                max(lost, default=float("nan")), tuple(drift.grasp for drift in corrected.drifts),
             )
         )  # fmt: skip
     return points

@@ -70,20 +70,20 @@ def shared_copies(
         what += f" ({odd} of {len(pairs)} pairs with two different labels)"
     copies_of = _copies_of(pairs)
     split = case if case.sides is not None else _split_by_trials(case)
-    found = _on_sides(split, copies_of)
-    if case.sides is not None and not found.crossing:
-        return _one_side_note(kind, f"{len(pairs)} pairs of trials {what}", found.twice, streams,
+    copies = _on_sides(split, copies_of)
+    if case.sides is not None and not copies.crossing:
+        return _one_side_note(kind, f"{len(pairs)} pairs of trials {what}", copies.twice, streams,
                               examples)  # fmt: skip
     key = joining_group(touch, pairs)
     joins = "" if key is None else f"whole {several(key)}"
     if case.sides is not None:
-        message = f"{len(found.crossing)} of {found.tested} tested trials have such a one in " \
+        message = f"{len(copies.crossing)} of {copies.tested} tested trials have such a one in " \
                   f"training: trials {what}."  # fmt: skip
     else:
         some = f"a split that does not hold out {joins}" if joins else "a split of trials"
         message = f"{len(pairs)} pairs of trials ({len(copies_of)} of {len(touch)} trials) {what}" \
                   f": {some} puts them on both sides."  # fmt: skip
-    alone, usual, _, _ = looked_up(split, found.partners)
+    alone, usual, _, _ = looked_up(split, copies.partners)
     return Finding(
         kind=kind, verdict="hazard" if case.sides is None and joins else "leak", message=message,
         mend=_mend(joins, streams), alone=alone, majority=usual, examples=examples,

@@ -169,22 +169,22 @@ def evidence_of(
     if binary:
         np.add.at(score, units[tested], probability[tested, 1])
         score /= np.maximum(votes.sum(axis=1), 1.0)
-    own, own_votes = label[used], votes[used]
+    labels, own_votes = label[used], votes[used]
     rank = _ranks(score[used])
     by_chance, alike, positive, below = (np.zeros(DRAWS) for _ in range(4))
-    for part, at, drawn in deal_out(own, None if groups is None else groups[used], DRAWS, seed):
+    for part, at, drawn in deal_out(labels, None if groups is None else groups[used], DRAWS, seed):
         by_chance[part] += own_votes[at, drawn].sum(axis=1)
-        alike[part] += (drawn == own[at]) @ own_votes[at].sum(axis=1)
+        alike[part] += (drawn == labels[at]) @ own_votes[at].sum(axis=1)
         if binary:
             positive[part] += drawn.sum(axis=1)
             below[part] += drawn @ rank[at]
     wider = SPREAD if len(folds) > 1 else 1.0
-    right, total = own_votes[np.arange(len(own)), own].sum(), own_votes.sum()
+    right, total = own_votes[np.arange(len(labels)), labels].sum(), own_votes.sum()
     p = _p(right, by_chance, wider)
     auc = None
-    if binary and 0 < own.sum() < len(own):
-        auc = float(_auc(own[None], score[used])[0])
-        p = min(1.0, 2 * min(p, _p(auc, _area(below, positive, len(own)), wider)))
+    if binary and 0 < labels.sum() < len(labels):
+        auc = float(_auc(labels[None], score[used])[0])
+        p = min(1.0, 2 * min(p, _p(auc, _area(below, positive, len(labels)), wider)))
     return LabelEvidence(
         accuracy=float(right / total), majority=majority(y, folds), auc=auc, p=p,
         by_chance=(float(alike.mean() / total), wider * float(alike.std() / total)),

@@ -29,7 +29,7 @@ MOST_VALUES = 500
 
 def near_names(case: Case) -> Finding:
     """Return the finding on values that may be one, spelt twice."""
-    found: list[str] = []
+    pair_lines: list[str] = []
     heavy = False
     trials = case.touch.trials
     for what, sets in (
@@ -42,15 +42,16 @@ def near_names(case: Case) -> Finding:
             values = in_order(own[key] for own in sets if key in own)
             pairs = [(a, b) for a, b in combinations(values, 2) if near(a, b)] \
                 if len(values) <= MOST_VALUES else []  # fmt: skip
-            found += [f"{what} {key}: {a} and {b}" for a, b in pairs]
+            pair_lines += [f"{what} {key}: {a} and {b}" for a, b in pairs]
             heavy |= bool(pairs) and (key == case.touch.target or key in OBJECTS + SESSIONS)
-    if not found:
+    if not pair_lines:
         message = "No two values of a label or group look like one, misspelt."
         return Finding(kind=KIND, verdict="clear", message=message)
     return Finding(
-        kind=KIND, verdict="hazard" if heavy else "note", examples=tuple(found),
-        message=f"{len(found)} pair{'s' * (len(found) > 1)} of names may be one name, spelt twice: "
-                "they count as two, and one can be trained on while the other is held out.",
+        kind=KIND, verdict="hazard" if heavy else "note", examples=tuple(pair_lines),
+        message=f"{len(pair_lines)} pair{'s' * (len(pair_lines) > 1)} of names may be one name, "
+                "spelt twice: they count as two, and one can be trained on while the other is "
+                "held out.",
         mend="if they are one, mend the import table and import again; if they are two, name them "
              "further apart",
     )  # fmt: skip

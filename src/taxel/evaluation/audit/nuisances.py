@@ -205,15 +205,15 @@ def _lone_channel(case: Case, means: NDArray[np.float64], way: float) -> tuple[s
     classes = np.stack([means[y == number].mean(axis=0) for number in y])
     between, within = classes.var(axis=0), (means - classes).var(axis=0)
     first = int(np.argmax(between / np.maximum(within, 1e-9 * between + np.finfo(float).tiny)))
-    own = trial_evidence(case, means[:, [first]])
+    evidence = trial_evidence(case, means[:, [first]])
     others = trial_evidence(case, np.delete(means, first, axis=1))
-    if _way(own) < NEARLY * way or _way(others) > way / 2:
+    if _way(evidence) < NEARLY * way or _way(others) > way / 2:
         return None
     name = visible(names[first])
     return (
-        f"The mean of the channel {name} alone predicts the label ({own.accuracy:.3f}), the means "
-        f"of all other channels less well ({others.accuracy:.3f}): a counter, a label, or an "
-        "offset.",
+        f"The mean of the channel {name} alone predicts the label ({evidence.accuracy:.3f}), "
+        f"the means of all other channels less well ({others.accuracy:.3f}): a counter, a label, "
+        "or an offset.",
         f"leave {name} out if it does not measure touch (name the others in the table's column "
         "'channels' and import again); else take each trial's level at rest from it and hold out "
         "sessions",

@@ -126,14 +126,16 @@ def _drift(
     cells: NDArray[np.intp], how: str,
 ) -> Reading:  # fmt: skip
     """Return how well later trials differ from earlier ones of their class."""
-    own = np.flatnonzero(kept)
-    centred = values[own].astype(np.float64)
-    for cell in np.unique(cells[own]):
-        inside = cells[own] == cell
+    used = np.flatnonzero(kept)
+    centred = values[used].astype(np.float64)
+    for cell in np.unique(cells[used]):
+        inside = cells[used] == cell
         centred[inside] -= centred[inside].mean(axis=0)
-    y = late[own].astype(np.intp)
+    y = late[used].astype(np.intp)
     folds = trial_folds(y, None, case.seed)
-    found = evidence_of(predict(centred, y, folds, case.seed), y, np.arange(len(own)), None, folds)
+    evidence = evidence_of(
+        predict(centred, y, folds, case.seed), y, np.arange(len(used)), None, folds
+    )
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
@@ -146,7 +148,7 @@ def _drift(
             "is a level that drifts",
         )
 
-    return Reading(kind="drift", evidence=found, decide=decide)
+    return Reading(kind="drift", evidence=evidence, decide=decide)
 
 
 def _later_split(touch: TouchSet) -> str:

@@ -104,7 +104,7 @@ def _read_key(
     like = " and ".join(repr(_words(other)[0]) for other in others)
     too = f" (and so does {like}, one to one with it)" if others else ""
     y = touch.y
-    found = evidence_of(look_up(values, y, case.plain), y, np.arange(len(y)), None, case.plain)
+    evidence = evidence_of(look_up(values, y, case.plain), y, np.arange(len(y)), None, case.plain)
     nested = _nested(y, values)
     session = key in SESSIONS
 
@@ -113,10 +113,10 @@ def _read_key(
             return "clear", f"{single!r} alone does not predict the label.", ""
         each = f"several {many} each" if session or key in _FILES else "every setting"
         if case.sides is not None:
-            verdict: Verdict = "leak" if session or found.accuracy >= FINGERPRINT else "note"
-        elif nested and found.accuracy >= FINGERPRINT and _few(y, values):
+            verdict: Verdict = "leak" if session or evidence.accuracy >= FINGERPRINT else "note"
+        elif nested and evidence.accuracy >= FINGERPRINT and _few(y, values):
             verdict = "leak"
-        elif session or found.accuracy >= FINGERPRINT:
+        elif session or evidence.accuracy >= FINGERPRINT:
             verdict = "hazard"
         else:
             verdict = "note"
@@ -130,7 +130,9 @@ def _read_key(
 
     examples = [f"{name}: {', '.join(touch.classes[c] for c in sorted(set(y[values == name])))}"
                 for name in in_order(values)]  # fmt: skip
-    return Reading(kind=f"name: {single}", evidence=found, decide=decide, examples=tuple(examples))
+    return Reading(
+        kind=f"name: {single}", evidence=evidence, decide=decide, examples=tuple(examples)
+    )
 
 
 def _nested(inner: NDArray[np.generic], outer: NDArray[np.str_]) -> bool:

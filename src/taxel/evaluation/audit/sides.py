@@ -174,9 +174,9 @@ _Piece = tuple[int, int, int, str, float]
 
 def _pieces_of(touch: TouchSet, row: FoldRow, steps: int, table: FoldTable) -> list[_Piece]:
     where = table.where(row)
-    own = [i for i, trial in enumerate(touch.trials) if trial.groups.get(row.key) == row.value]
+    trials = [i for i, trial in enumerate(touch.trials) if trial.groups.get(row.key) == row.value]
     left = [trial for trial in touch.left_out if trial.groups.get(row.key) == row.value]
-    if not own and not left:
+    if not trials and not left:
         what = "a recording" if row.key == "recording" else f"a value of the group {row.key!r}"
         raise BadTable(f"{what} of the folder", f"{row.value!r} in {where}",
                        "correct its name, or leave the row out")  # fmt: skip
@@ -186,11 +186,13 @@ def _pieces_of(touch: TouchSet, row: FoldRow, steps: int, table: FoldTable) -> l
         if touch.kind == "camera":
             raise BadTable(f"one of the cameras {known}", f"{row.view!r} in {where}", "correct it")
     if np.isnan(row.start_s):
-        return [(i, 0, len(touch.rows[i]), row.view, row.label_s) for i in own]
-    spans = [(min(touch.trials[i].start_s, touch.time_s[i][0]), touch.time_s[i][-1]) for i in own]
+        return [(i, 0, len(touch.rows[i]), row.view, row.label_s) for i in trials]
+    spans = [
+        (min(touch.trials[i].start_s, touch.time_s[i][0]), touch.time_s[i][-1]) for i in trials
+    ]
     spans += [(trial.start_s, trial.end_s) for trial in left]
     place = span_at(row.start_s, spans, _SLACK_S)
-    for i in () if place is None or place >= len(own) else (own[place],):
+    for i in () if place is None or place >= len(trials) else (trials[place],):
         time_s, trial = touch.time_s[i], touch.trials[i]
         slack_s = min(_SLACK_S, 0.5 * float(np.median(np.diff(time_s)))) if len(time_s) > 1 else 0.0
         first = int(np.searchsorted(time_s, row.start_s - slack_s))

@@ -165,7 +165,7 @@ def painted_crops(
     """
     track, videos = simulate_videos(trial.run, RATE_HZ, RATE_HZ, DURATION_S, trial.gel)
     chosen = eight_moments(len(track.time_s))[list(crops)]
-    found = []
+    painted = []
     for side, video in enumerate(videos):
         sensor = draw_sensor(trial.run.seed, side)
         camera = GelCamera(track.shapes[side], sensor, trial.run.seed * 2 + side)
@@ -188,8 +188,8 @@ def painted_crops(
             for image, (*_, markers) in zip(images, faces[1:], strict=True)
         ]
         each = chosen.shape[1]
-        found.append([seen[at * each : (at + 1) * each] for at in range(len(chosen))])
-    return found
+        painted.append([seen[at * each : (at + 1) * each] for at in range(len(chosen))])
+    return painted
 
 
 def painted_rows(

@@ -74,9 +74,11 @@ def fit_final(
     learning = trials.learning(rows, split.group, trials.further).part(learned)
     blend = fit_blend(learning, trials.cameras, trials.widths, seed, on_step=on_step)
     on_step("training: checking the bundle, and naming its trials")
-    own = learning.rows
-    at = np.linspace(0, len(own) - 1, min(_CHECKED, len(own))).astype(int)
-    both = np.concatenate([blend.crops(own[at]), blend.novelty.measure(own[at])[:, None]], axis=1)
+    crop_rows = learning.rows
+    at = np.linspace(0, len(crop_rows) - 1, min(_CHECKED, len(crop_rows))).astype(int)
+    both = np.concatenate(
+        [blend.crops(crop_rows[at]), blend.novelty.measure(crop_rows[at])[:, None]], axis=1
+    )
     first = images[0]
     digests = "".join(images[index].digest for index in learned.tolist())
     contract = TrialContract(
@@ -99,7 +101,7 @@ def fit_final(
         learned=fingerprints([images[index] for index in learned.tolist()]),
     )
     bundle, parity = trial_bundle_bytes(
-        contract, blend_to_onnx(blend, own.shape[1]), own[at], both.astype(np.float32)
+        contract, blend_to_onnx(blend, crop_rows.shape[1]), crop_rows[at], both.astype(np.float32)
     )
     weights = {m.name: float(w) for m, w in zip(blend.members, blend.weights, strict=True)}
     return FinalRecogniser(

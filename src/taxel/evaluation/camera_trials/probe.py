@@ -104,15 +104,15 @@ def probe(
     """
     trial, y, groups = labelled.trial, labelled.y, labelled.groups
     classes = int(y.max()) + 1
-    found, inner = np.full((len(y), classes), np.nan), []
+    probabilities, inner = np.full((len(y), classes), np.nan), []
     for own, fold in zip(rows, split.folds, strict=True):
         on_step(f"{name}, {fold.name}")
         learning = Learning(own, trial, y, groups, classes)
-        found[fold.test_rows], loss = probe_once(
+        probabilities[fold.test_rows], loss = probe_once(
             learning.part(fold.train_rows), learning.part(fold.test_rows), seed
         )
         inner.append(loss)
-    return ProbeResult(name=name, probabilities=found, inner=tuple(inner))
+    return ProbeResult(name=name, probabilities=probabilities, inner=tuple(inner))
 
 
 def commonest(labelled: Labelled, split: TrialSplit) -> ProbeResult:

@@ -62,7 +62,7 @@ def crop_features(
         cache: Folder to keep files in.
         on_trial: Called with trials done and in all.
     """
-    found: list[list[NDArray[np.float32]]] = [[] for _ in extractors]
+    features: list[list[NDArray[np.float32]]] = [[] for _ in extractors]
     for done, trial in enumerate(trials, start=1):
         shape = len(trial.cameras), STRETCHES, IMAGES
         files = [cache / "probe" / e.key / f"{trial.digest[:32]}.npy" for e in extractors]
@@ -77,9 +77,9 @@ def crop_features(
             kept[at] = rows
         for at, values in enumerate(kept):
             assert values is not None
-            found[at].append(values.reshape(*shape, -1))
+            features[at].append(values.reshape(*shape, -1))
         on_trial(done, len(trials))
-    return [np.stack(each) for each in found]
+    return [np.stack(each) for each in features]
 
 
 def network_features(module: nn.Module, videos: Sequence[TouchVideo]) -> NDArray[np.float32]:

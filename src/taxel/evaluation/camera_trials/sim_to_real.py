@@ -98,7 +98,7 @@ def transfer(
     Raises:
         BadDataset: There is nothing to learn from, or no such draw of objects has every class.
     """
-    found = np.full((draws, len(real.y), real.classes), np.nan)
+    probabilities = np.full((draws, len(real.y), real.classes), np.nan)
     for fold in split.folds:
         on_step(fold.name)
         known, test = real.part(fold.train_rows), real.part(fold.test_rows)
@@ -110,10 +110,10 @@ def transfer(
                 random = np.random.default_rng((0, draw))
                 few = few_trials(real.y, real.groups, fold.train_rows, objects, random)
                 labelled = real.part(few)
-            found[draw, fold.test_rows] = transfer_once(
+            probabilities[draw, fold.test_rows] = transfer_once(
                 simulated, labelled, known.rows, test, ranking
             )
-    return found
+    return probabilities
 
 
 def transfer_once(

@@ -103,15 +103,15 @@ def choose_trials(
         )  # fmt: skip
         runs = list_runs(config)
         order = np.random.default_rng((SEED, index)).permutation(len(runs))
-        found: dict[bool, list[PourRun]] = {False: [], True: []}
+        runs_by_slip: dict[bool, list[PourRun]] = {False: [], True: []}
         slip_um = _slips(runs, None if cache is None else cache / f"slip-{index}.npy")
         for at in order.tolist():
-            found[bool(slip_um[at] > SLIPPED_UM)].append(runs[at])
-        count = min(most, *(len(own) for own in found.values()))
+            runs_by_slip[bool(slip_um[at] > SLIPPED_UM)].append(runs[at])
+        count = min(most, *(len(own) for own in runs_by_slip.values()))
         gel: Gel = 2 if index % 2 else 1
         chosen += [
             SimulatedTrial(run, gel, slipped)
-            for slipped, own in found.items()
+            for slipped, own in runs_by_slip.items()
             for run in own[:count]
         ]
     return chosen
@@ -267,7 +267,7 @@ def simulated_rows(
         cache: Folder of this encoder, this version of the simulator and these features.
         on_trial: Called with trials done and in all.
     """
-    found: tuple[list[Rows], list[Rows]] = [], []
+    halves: tuple[list[Rows], list[Rows]] = [], []
     width = sum(WIDTHS.values())
     for done, trial in enumerate(trials, start=1):
         file = cache / f"{trial.name}.npy"
@@ -277,10 +277,10 @@ def simulated_rows(
             copy = changed(images, (SEED, trial.run.seed))
             both = np.concatenate([trial_rows_of(each, module) for each in (images, copy)])
             save_kept(file, both)
-        for kept, rows in zip(found, np.split(both, 2), strict=True):
+        for kept, rows in zip(halves, np.split(both, 2), strict=True):
             kept.append(rows)
         on_trial(done, len(trials))
-    return parted(found[0]), parted(found[1])
+    return parted(halves[0]), parted(halves[1])
 
 
 def real_rows(
@@ -304,7 +304,7 @@ def real_rows(
         return cut.rows["pixels"][:, numbers_of("pixels", DIFFERENCES, 2)]
     if features == GEL:
         return pooled(crop_features(trials, [gel_features()], default_cache(), on_trial)[0])
-    found = []
+    all_rows = []
     for done, trial in enumerate(trials, start=1):
         file = cache / f"{trial.digest[:32]}-touch.npy"
         rows = load_kept(file, WIDTHS[TOUCH])
@@ -316,6 +316,6 @@ def real_rows(
                 eight.append([[images[at] for at in own] for own in chosen.tolist()])
             rows = touch_rows(eight, module)
             save_kept(file, rows)
-        found.append(rows)
+        all_rows.append(rows)
         on_trial(done, len(trials))
-    return np.concatenate(found)
+    return np.concatenate(all_rows)

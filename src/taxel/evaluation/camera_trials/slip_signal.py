@@ -102,15 +102,15 @@ def signal_auc(folder: Path, cache: Path, positive: str = "slip") -> SignalScore
     y = (trials.y == trials.classes.index(positive)).astype(np.intp)
     objects = np.array([own["object"] for own in trials.groups])
     rate_hz = np.array([trial.rate_hz for trial in read])[trials.cut.trial]
-    found = {
+    signals = {
         name: _by_trial(values, trials.cut.trial)
         for name, values in signal_of(trials.cut.shown["moves"], rate_hz).items()
     }
-    first, *plainer = found
-    whole = _scored(found[first], y, objects)
+    first, *plainer = signals
+    whole = _scored(signals[first], y, objects)
     left = ~chosen_on(objects)
-    apart = _scored(found[first][left], y[left], objects[left])
-    others = {name: _scored(found[name], y, objects).auc for name in plainer}
+    apart = _scored(signals[first][left], y[left], objects[left])
+    others = {name: _scored(signals[name], y, objects).auc for name in plainer}
     others["control: the trial's length"] = _scored(-trials.lengths.astype(float), y, objects).auc
     still = trials.cut.shown["stills"][trials.cut.place == 0, 0, :, :48].std(axis=2).mean(axis=1)
     contrast = _scored(still.astype(float), y, objects).auc

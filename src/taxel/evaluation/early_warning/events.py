@@ -123,7 +123,7 @@ def judge(track: StateTrack, config: EventConfig | None = None) -> RunOutcome:
     config = config or EventConfig()
     start_s = float(track.time_s[0]) + config.settled_s
     end_s = float(track.time_s[-1])
-    found = alarms(track.states, track.time_s, start_s)
+    alarm_spans = alarms(track.states, track.time_s, start_s)
     after = track.states[track.time_s >= start_s]
     unknown = float((after == Stability.UNKNOWN).mean()) if len(after) else 1.0
     if track.event_s is None:
@@ -133,14 +133,16 @@ def judge(track: StateTrack, config: EventConfig | None = None) -> RunOutcome:
             delay_s=None,
             lead_s=None,
             early=False,
-            false_alarms=len(found),
+            false_alarms=len(alarm_spans),
             judged_s=max(end_s - start_s, 0.0),
             unknown_share=unknown,
             groups=track.groups,
         )
     onset_s = track.event_s if track.onset_s is None else min(track.onset_s, track.event_s)
     earliest_s = onset_s - config.early_s
-    true = [(begin, clear) for begin, clear in found if begin >= earliest_s or clear > onset_s]
+    true = [
+        (begin, clear) for begin, clear in alarm_spans if begin >= earliest_s or clear > onset_s
+    ]
     warned_s = max(true[0][0], earliest_s) if true else None
     return RunOutcome(
         event=True,
@@ -148,7 +150,7 @@ def judge(track: StateTrack, config: EventConfig | None = None) -> RunOutcome:
         delay_s=None if warned_s is None else warned_s - onset_s,
         lead_s=None if warned_s is None else track.event_s - warned_s,
         early=bool(true) and true[0][0] < earliest_s,
-        false_alarms=len(found) - len(true),
+        false_alarms=len(alarm_spans) - len(true),
         judged_s=max(earliest_s - start_s, 0.0),
         unknown_share=unknown,
         groups=track.groups,

@@ -57,9 +57,11 @@ def layer_features(
         seen += keep_runs(folder / f"{cup}-noise-gel-2.npz", runs, partial(seen_pours, gel=2))
         exact += keep_runs(folder / f"{cup}-noise-layers.npz", runs, layer_pours)
     noise = fit_noises(seen, exact)
-    found: list[PourFeatures] = []
+    features: list[PourFeatures] = []
     for cup in TRAINING_CUPS[:cups]:
         on_step(f"layers of training cup {cup}")
         runs = paper_part(cup, 0)
-        found += noisy_features(keep_runs(folder / f"{cup}-layers-0.npz", runs, layer_pours), noise)
-    return found
+        features += noisy_features(
+            keep_runs(folder / f"{cup}-layers-0.npz", runs, layer_pours), noise
+        )
+    return features

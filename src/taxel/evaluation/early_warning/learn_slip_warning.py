@@ -117,12 +117,14 @@ def training_features(
         seen += keep_runs(folder / f"{cup}-noise.npz", runs)
         exact += keep_runs(folder / f"{cup}-noise-true.npz", runs, true_pours)
     noise = fit_noises(seen, exact)
-    found: list[PourFeatures] = []
+    features: list[PourFeatures] = []
     for cup in TRAINING_CUPS[:cups]:
         on_step(f"poses of training cup {cup}")
         runs = training_runs(cup)
-        found += noisy_features(keep_runs(folder / f"{cup}-training.npz", runs, true_pours), noise)
-    return found
+        features += noisy_features(
+            keep_runs(folder / f"{cup}-training.npz", runs, true_pours), noise
+        )
+    return features
 
 
 def noisy_features(

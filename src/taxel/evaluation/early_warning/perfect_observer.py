@@ -104,21 +104,21 @@ def foresee(
         runs: Of the kind "still" and those in `POURED`.
         on_step: Called with a line before each part.
     """
-    found = []
+    foreseen = []
     cups = sorted({run.cup.index for run in runs})
     for part in np.array_split(cups, -(-len(cups) // _TOGETHER)):
         on_step(f"what is knowable of cups {part[0]} to {part[-1]}")
-        own = [run for run in runs if run.cup.index in part]
-        pours = [run for run in own if run.kind in POURED]
+        chosen = [run for run in runs if run.cup.index in part]
+        pours = [run for run in chosen if run.kind in POURED]
         limits = limits_of(pours)
         known = {
             (run.cup.index, run.name): (float(least_g), float(due_s))
             for run, least_g, due_s in zip(pours, limits.least_g, limits.due_s, strict=True)
         }
         onsets, events = (
-            first_slips(own, above_um, FRAME_HZ, DURATION_S) for above_um in (ONSET_UM, GROSS_UM)
+            first_slips(chosen, above_um, FRAME_HZ, DURATION_S) for above_um in (ONSET_UM, GROSS_UM)
         )
-        found += [
+        foreseen += [
             Foreseen(
                 run=run,
                 least_g=least_g,
@@ -126,10 +126,10 @@ def foresee(
                 onset_s=_seconds(onsets, place),
                 event_s=_seconds(events, place),
             )
-            for place, run in enumerate(own)
+            for place, run in enumerate(chosen)
             for least_g, due_s in [known.get((run.cup.index, run.name), (np.inf, np.inf))]
         ]
-    return found
+    return foreseen
 
 
 def chance_of_slip(foreseen: Foreseen, time_s: Values) -> Values:

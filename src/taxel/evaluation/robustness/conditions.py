@@ -179,10 +179,10 @@ def simulate_at(settings: Mapping[str, Any], which: NewSessions) -> list[Recorde
             **settings,
         }
     )
-    found = []
+    recordings = []
     for session in simulate_sessions(config):
         groups = {"session": session.name, **session.details}
         manifest = Manifest(sensor=sensor_info(config), groups=groups)
         file = Path(f"{session.name}.mcap")
-        found.append(recorded(file, manifest, session.samples, session.marks))
-    return found
+        recordings.append(recorded(file, manifest, session.samples, session.marks))
+    return recordings

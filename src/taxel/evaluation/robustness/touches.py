@@ -171,11 +171,11 @@ def judge(
             f"touches of a {contract.target} that the bundle knows: {', '.join(contract.classes)}",
             "none beside reference touches", "choose recordings of those",
         )  # fmt: skip
-    y, found, answered, trial, session, known = (
+    y, probabilities, answered, trial, session, known = (
         np.concatenate(arrays) for arrays in zip(*parts, strict=True)
     )
     return SessionAnswers(
-        y, found, answered, trial, session, np.array(grasps), outside, seconds / 60, known
+        y, probabilities, answered, trial, session, np.array(grasps), outside, seconds / 60, known
     )  # fmt: skip
 
 
@@ -199,13 +199,13 @@ def _answers(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
     """Return probabilities of each window, whether it and whether its whole touch is answered."""
     classes = model.contract.classes
-    found = np.zeros((len(windows), len(classes)))
+    probabilities = np.zeros((len(windows), len(classes)))
     answered = np.zeros(len(windows), bool)
     whole: dict[int, bool] = {}
     if factor is not None and len(windows):
         values = (windows.values * factor).astype(np.float32)
         raw = model.probabilities(values, windows.mask)
-        found = np.asarray(raw, np.float64)
+        probabilities = np.asarray(raw, np.float64)
         rows = None if test is None else model.contract.scaling.apply(values, windows.mask)
         votes = {
             touch: GraspVote(classes, inf, test, model.contract.joining) for touch in trial.tolist()
@@ -218,7 +218,7 @@ def _answers(
             answered[i] = decision.label != UNKNOWN
             whole[touch] = votes[touch].add(decision)[0] != UNKNOWN
     known = np.array([whole.get(touch, False) for touch in trial.tolist()], bool)
-    return np.nan_to_num(found), answered, known
+    return np.nan_to_num(probabilities), answered, known
 
 
 def _level(

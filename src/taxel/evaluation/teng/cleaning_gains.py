@@ -193,26 +193,26 @@ def _gains(found: Sequence[_WayRun], ways: Sequence[str]) -> list[Gain]:
     base = [result for result in found if result.way == NOTHING]
     gains = []
     for way in ways:
-        own = [result for result in found if result.way == way]
-        changed = [result.right - plain.right for result, plain in zip(own, base, strict=True)]
+        results = [result for result in found if result.way == way]
+        changed = [result.right - plain.right for result, plain in zip(results, base, strict=True)]
         _, group = np.unique(
-            [name for result in own for name in result.groups], return_inverse=True
+            [name for result in results for name in result.groups], return_inverse=True
         )
-        count = np.bincount(group, weights=np.concatenate([result.count for result in own]))
+        count = np.bincount(group, weights=np.concatenate([result.count for result in results]))
         every = np.bincount(group, weights=np.concatenate(changed)).astype(np.float64)
         gains.append(
             Gain(
-                target=own[0].target,
+                target=results[0].target,
                 way=way,
-                split=own[0].split,
-                accuracy=float(sum(result.right.sum() for result in own) / count.sum()),
-                trial_accuracy=float(np.mean([result.trial_accuracy for result in own])),
+                split=results[0].split,
+                accuracy=float(sum(result.right.sum() for result in results) / count.sum()),
+                trial_accuracy=float(np.mean([result.trial_accuracy for result in results])),
                 difference=float(every.sum() / count.sum()),
                 interval=ratio_interval(every, count),
                 p=sign_flip(every),
                 by_run=tuple(
                     float(c.sum() / result.count.sum())
-                    for c, result in zip(changed, own, strict=True)
+                    for c, result in zip(changed, results, strict=True)
                 ),
                 groups=len(every),
                 ways=len(ways) - 1,

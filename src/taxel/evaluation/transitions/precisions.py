@@ -102,9 +102,9 @@ def compare_precisions(
         if trained is None:
             known = extract(training, extractor, cache, show)
             trained = fit_head(tracks_of(known, [pours.labels[i] for i in fold.train_rows]), head)
-        found = _probabilities(trained, extract(testing, extractor, cache, show))
-        wanted = found if wanted is None else wanted
-        right = float(((found >= THRESHOLD) == labels).mean())
+        probabilities = _probabilities(trained, extract(testing, extractor, cache, show))
+        wanted = probabilities if wanted is None else wanted
+        right = float(((probabilities >= THRESHOLD) == labels).mean())
         model = f"{extractor.backbone}+{head.head}"
         step = time_step(
             model, head.frames, engine=engine, precision=precision, threads=ways.threads,
@@ -114,8 +114,8 @@ def compare_precisions(
             PrecisionRow(
                 model=model, engine=engine, precision=precision, accuracy=right,
                 lost=rows[0].accuracy - right if rows else 0.0,
-                differ=float(((found >= THRESHOLD) != (wanted >= THRESHOLD)).mean()),
-                largest_difference=float(np.abs(found - wanted).max()),
+                differ=float(((probabilities >= THRESHOLD) != (wanted >= THRESHOLD)).mean()),
+                largest_difference=float(np.abs(probabilities - wanted).max()),
                 step_ms=step.stream_ms, windows=len(labels),
             )
         )  # fmt: skip

@@ -187,22 +187,22 @@ def measure_rows(
     jobs = []
     for plan in plans:
         head = find_transition(plan.model).head
-        own = _seen_by(plan.model, seen)
-        config = replace(base, head=head, frames=plan.frames, tare=own.tare or base.tare)
+        backbone = _seen_by(plan.model, seen)
+        config = replace(base, head=head, frames=plan.frames, tare=backbone.tare or base.tare)
         wanted = folds if every_cup and plan.frames == FRAMES else folds[-1:]
-        jobs.append((own.features, data.labels, wanted, config, plan.model))
+        jobs.append((backbone.features, data.labels, wanted, config, plan.model))
     done = side_by_side(_judge_folds, jobs, lambda result: on_row(result[2]))
     rows = []
     for plan, (judged, seconds, _) in zip(plans, done, strict=True):
         model = find_transition(plan.model)
-        own = _seen_by(plan.model, seen)
+        backbone = _seen_by(plan.model, seen)
         parameters = model.parameters
         rows.append(
             TableRow(
                 plan=plan,
-                weights=own.weights,
-                origin=own.origin,
-                tare=own.tare or base.tare,
+                weights=backbone.weights,
+                origin=backbone.origin,
+                tare=backbone.tare or base.tare,
                 parameters=parameters,
                 published_ms=model.published.step_ms if model.published else None,
                 published_mb=model.published.size_mb if model.published else None,

@@ -98,11 +98,11 @@ def tune(
     content = content_digest(opened.dataset, recipe.target)
     work = _Work(store, source, content, opened, space, extent.trials)
     outer = _outer(work, on_step) if extent.nested else None
-    found = work.search(None, on_step)
+    best = work.search(None, on_step)
     return Tuned(
         dataset=opened.dataset,
-        recipe=space.apply(recipe, found.values),
-        found=found,
+        recipe=space.apply(recipe, best.values),
+        found=best,
         outer=outer,
     )
 

@@ -114,12 +114,12 @@ def leave_each_out(
             "at least three classes, so that two are left to learn", f"{len(classes)}",
             "name values that are never learned instead",
         )  # fmt: skip
-    found: dict[str, UnknownResult] = {}
+    results: dict[str, UnknownResult] = {}
     refused: dict[str, str] = {}
     for name in classes:
         kinds = kinds_of(dataset, config.target, [name])
         try:
-            found[name] = find_unknown(
+            results[name] = find_unknown(
                 dataset, kinds, config,
                 lambda line, name=name: on_step(f"without {name} · {line}"),  # type: ignore[misc]
             )  # fmt: skip
@@ -127,7 +127,7 @@ def leave_each_out(
             if len(refused) == len(classes) - 1:
                 raise
             refused[name] = str(error)
-    return found, refused
+    return results, refused
 
 
 def _subset(dataset: Dataset, trials: NDArray[np.bool_]) -> Dataset:
