@@ -130,21 +130,21 @@ def load_exemplars(folder: Path) -> Exemplars | None:
         return None
     try:
         arrays = read_kinds(path, _KINDS)
-        found = Exemplars(
+        exemplars = Exemplars(
             values=arrays["values"].astype(np.float32),
             mask=arrays["mask"].astype(bool),
             y=arrays["y"].astype(np.intp),
             session=arrays["session"].astype(str),
             grasp=arrays["grasp"].astype(str),
         )
-        n = len(found.y) if found.y.ndim == 1 else -1
-        shapes = (found.values.shape[:2], found.mask.shape, (n, *found.session.shape[1:]),
-                  (n, *found.grasp.shape[1:]))  # fmt: skip
+        n = len(exemplars.y) if exemplars.y.ndim == 1 else -1
+        shapes = (exemplars.values.shape[:2], exemplars.mask.shape,
+                  (n, *exemplars.session.shape[1:]), (n, *exemplars.grasp.shape[1:]))  # fmt: skip
         if (
-            found.values.ndim != 3
-            or shapes != (found.mask.shape, found.mask.shape, (n,), (n,))
-            or {len(found.mask), len(found.session), len(found.grasp)} != {n}
-            or not np.isfinite(found.values).all()
+            exemplars.values.ndim != 3
+            or shapes != (exemplars.mask.shape, exemplars.mask.shape, (n,), (n,))
+            or {len(exemplars.mask), len(exemplars.session), len(exemplars.grasp)} != {n}
+            or not np.isfinite(exemplars.values).all()
         ):
             raise ValueError("parts of different length, or values that are not finite")
     except (OSError, ValueError) as error:  # BadFile is a ValueError
@@ -153,4 +153,4 @@ def load_exemplars(folder: Path) -> Exemplars | None:
             f"damaged ones ({getattr(error, 'got', error)})",
             "train the run again with: taxel train",
         ) from error
-    return found
+    return exemplars

@@ -114,7 +114,7 @@ def load_predictions(folder: Path) -> Predictions | None:
     try:
         names = Fields(read_json(folder / _NAMES, _LARGEST_NAMES), _NAMES)
         arrays = read_kinds(folder / _ARRAYS, _KINDS)
-        found = Predictions(
+        predictions = Predictions(
             split=names.text("split"),
             classes=names.texts("classes"),
             trials=tuple(record_of(Trial, trial) for trial in names.items("trials")),
@@ -126,14 +126,14 @@ def load_predictions(folder: Path) -> Predictions | None:
             y=arrays["y"].astype(np.intp),
             probabilities=arrays["probabilities"].astype(np.float64),
         )
-        _check(found)
+        _check(predictions)
     except (OSError, ValueError) as error:  # BadFile is a ValueError
         raise BadInput(
             f"predictions that can be read in {folder}",
             f"damaged ones ({getattr(error, 'got', error)})",
             "train the run again with: taxel train",
         ) from error
-    return found
+    return predictions
 
 
 def _check(found: Predictions) -> None:

@@ -116,15 +116,15 @@ def gather_fresh(
     """
     most = os.cpu_count() or 1
     beside = SideBySide(most)
-    found: list[NDArray[np.uint8]] = []
+    all_images: list[NDArray[np.uint8]] = []
     for first in range(0, len(videos), most):
         for images in beside.map(lambda video: list(video.images(config.frames)),
                                  videos[first : first + most]):  # fmt: skip
-            found += images
-        on_images(len(found) * config.copies)
-    if not found:
+            all_images += images
+        on_images(len(all_images) * config.copies)
+    if not all_images:
         raise BadDataset("videos with images", "none", "give other recordings")
-    return FreshTransferSet(np.stack(found), teacher, key, config)
+    return FreshTransferSet(np.stack(all_images), teacher, key, config)
 
 
 def changed_there(images: Tensor, draw: torch.Generator) -> Tensor:

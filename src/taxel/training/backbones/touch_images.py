@@ -102,9 +102,9 @@ def split_objects(
         raise BadDataset(f"at least {EVERY} objects", f"{len(objects)}", "give more recordings")
     kept: set[str] = set()
     for folder in sorted({name.partition("/")[0] for name in objects}):
-        own = [name for name in objects if name.partition("/")[0] == folder]
-        order = np.random.default_rng([17, 0]).permutation(len(own))
-        kept |= {own[i] for i in order[: len(own) // EVERY]}
+        in_folder = [name for name in objects if name.partition("/")[0] == folder]
+        order = np.random.default_rng([17, 0]).permutation(len(in_folder))
+        kept |= {in_folder[i] for i in order[: len(in_folder) // EVERY]}
     if not kept:
         raise BadDataset(
             f"at least {EVERY} objects in one of the folders", f"{len(objects)} over several",

@@ -301,7 +301,7 @@ def _held_out(
     Returns:
         Shapes (trials, members, classes), None where nothing could be held out, and (trials,).
     """
-    found = np.full((len(learning.y), len(members), learning.classes), np.nan)
+    probabilities = np.full((len(learning.y), len(members), learning.classes), np.nan)
     novelty = np.full(len(learning.y), np.nan)
     alone = np.arange(len(learning.y)).astype(str)
     parts = inner_folds(learning.y, learning.groups, seed) or inner_folds(learning.y, alone, seed)
@@ -311,9 +311,9 @@ def _held_out(
         for index, member in enumerate(members):
             model = _fit(member, own, columns[index], images, seed, INNER_TREES)
             crops = proba_of(model, other.rows[:, columns[index]], learning.classes)
-            found[test, index] = mean_of_crops(crops, other.trial)
+            probabilities[test, index] = mean_of_crops(crops, other.trial)
         novelty[test] = held_out_novelty(own.rows, other.rows, other.trial, novel)
-    return found if parts else None, novelty
+    return probabilities if parts else None, novelty
 
 
 def proba_of(model: Any, rows: Rows, classes: int) -> NDArray[np.float64]:

@@ -131,12 +131,12 @@ def fit_last(
     right = float((logits.argmax(axis=1) == y).mean())
     doubt = 1.0 / (trials + 2.0)
     left = max(doubt - (1.0 - right), 0.0)
-    found = _least_loss(logits, y, left)
+    sharpness = _least_loss(logits, y, left)
     if later:
-        return found
+        return sharpness
     sure = [softmax(factor * logits).max(axis=1).mean() for factor in SHARPNESS]
     enough = int(np.argmin(np.abs(np.array(sure) - right * (1.0 - doubt))))
-    return max(found, float(SHARPNESS[enough]))
+    return max(sharpness, float(SHARPNESS[enough]))
 
 
 def mix(

@@ -203,16 +203,18 @@ def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]
 
     first, *others = list(sets)
     early, late = others[:2], others[2:]
-    found = [discriminant(first, 0.3), logistic(first), trees(first)]
-    found += [discriminant(name, 0.3) for name in others]
+    candidates = [discriminant(first, 0.3), logistic(first), trees(first)]
+    candidates += [discriminant(name, 0.3) for name in others]
     least, most = NETWORK_ROWS
     if least <= steps <= most:
-        found.append(Candidate("network", "touchnet", ""))
-    found.append(Candidate("trees", "random-forest", first, 2))
-    found += [model(name) for name in early for model in (logistic, trees)]
-    found += [logistic(name) for name in late]
-    found += [Candidate("perceptron", "perceptron", n, 3.0) for n in (first, *early) if n != PLAIN]
-    return found + [trees(name) for name in late]
+        candidates.append(Candidate("network", "touchnet", ""))
+    candidates.append(Candidate("trees", "random-forest", first, 2))
+    candidates += [model(name) for name in early for model in (logistic, trees)]
+    candidates += [logistic(name) for name in late]
+    candidates += [
+        Candidate("perceptron", "perceptron", n, 3.0) for n in (first, *early) if n != PLAIN
+    ]
+    return candidates + [trees(name) for name in late]
 
 
 def second_round(steady: list[str], linear: list[str], trees: list[str]) -> list[Candidate]:

@@ -193,10 +193,10 @@ def _perceptron(x: Features, y: Classes, classes: int, strength: float, seed: in
     weight = _random((MEMBERS, data.shape[1], hidden), data.shape[1] + hidden, generator)
     out = _random((MEMBERS, hidden, classes), hidden + classes, generator)
     bias, out_bias = torch.zeros(MEMBERS, 1, hidden), torch.zeros(MEMBERS, 1, classes)
-    own = [part.requires_grad_() for part in (weight, bias, out, out_bias)]
+    weights = [part.requires_grad_() for part in (weight, bias, out, out_bias)]
     groups: list[dict[str, Any]] = [
-        {"params": own[0::2], "weight_decay": strength / BATCH},
-        {"params": own[1::2]},
+        {"params": weights[0::2], "weight_decay": strength / BATCH},
+        {"params": weights[1::2]},
     ]
     optimiser = torch.optim.Adam(groups, lr=RATE)
     batches = max(1, -(-len(y) // BATCH))
@@ -204,13 +204,13 @@ def _perceptron(x: Features, y: Classes, classes: int, strength: float, seed: in
     for _ in range(epochs):
         order = torch.randperm(len(y), generator=generator)
         for part in order.tensor_split(batches):
-            layer = torch.relu(data[part].unsqueeze(0) @ own[0] + own[1])
-            logits = layer @ own[2] + own[3]
+            layer = torch.relu(data[part].unsqueeze(0) @ weights[0] + weights[1])
+            logits = layer @ weights[2] + weights[3]
             loss = functional.cross_entropy(logits.flatten(0, 1), truth[part].repeat(MEMBERS))
             optimiser.zero_grad(set_to_none=True)
             (loss * MEMBERS).backward()  # type: ignore[no-untyped-call]
             optimiser.step()
-    tables = [part.detach() for part in own]
+    tables = [part.detach() for part in weights]
     return PerceptronHead(
         offset=torch.from_numpy(offset), factor=torch.from_numpy(factor), weight=tables[0],
         bias=tables[1], out=tables[2], out_bias=tables[3],

@@ -88,19 +88,19 @@ def what_is_held(
         named: The group that the split was asked to hold out, if any.
     """
     common = set.intersection(*(set(trials[i].groups) for i in (*train, *test)))
-    found = []
+    keys = []
     common |= {TIME} & {named}
     for key in sorted(common - set(_FINE)):
-        own = {group_value(trials[i], key) for i in train}
+        trained = {group_value(trials[i], key) for i in train}
         others = {group_value(trials[i], key) for i in test}
         ordered = _later(key, trials, y, train, test)
         least = 2 if key == named else 3
-        grouped = least <= len(own) <= len(train) / 2
-        if not own & others and (grouped or (ordered and len(own) >= 3)):
-            found.append((key != named, len(own), key not in USUAL_GROUPS, key, ordered))
-    if not found:
+        grouped = least <= len(trained) <= len(train) / 2
+        if not trained & others and (grouped or (ordered and len(trained) >= 3)):
+            keys.append((key != named, len(trained), key not in USUAL_GROUPS, key, ordered))
+    if not keys:
         return Held(None)
-    *_, key, ordered = min(found)
+    *_, key, ordered = min(keys)
     return Held(key, ordered)
 
 
@@ -143,21 +143,21 @@ def inner_folds(
     Raises:
         BadSplit: Fewer than two classes have two trials.
     """
-    own = np.asarray(train, np.intp)
-    counts = np.bincount(y[own])
+    trained = np.asarray(train, np.intp)
+    counts = np.bincount(y[trained])
     if (counts >= 2).sum() < 2:
         raise BadSplit(
             "at least two training trials of two classes, to learn from and to choose on",
-            f"{len(own)} trials", "record more of them",
+            f"{len(trained)} trials", "record more of them",
         )  # fmt: skip
     if held.key is not None:
         if held.ordered:  # what lacks the number comes last
-            numbers = as_numbers(group_value(trials[i], held.key) or "nan" for i in own)
-            return _by_later(numbers, y[own])
-        fold = _by_groups(_values([trials[i] for i in own], held.key), y[own])
+            numbers = as_numbers(group_value(trials[i], held.key) or "nan" for i in trained)
+            return _by_later(numbers, y[trained])
+        fold = _by_groups(_values([trials[i] for i in trained], held.key), y[trained])
         if fold is not None:
             return fold
-    return _by_blocks(np.array([_order(trials[i]) for i in own]), y[own])
+    return _by_blocks(np.array([_order(trials[i]) for i in trained]), y[trained])
 
 
 def tested_folds(fold: NDArray[np.intp], *, ordered: bool) -> list[int]:

@@ -71,7 +71,7 @@ class Fitted:
 
 
 def fit_within(
-    found: SearchResult,
+    search: SearchResult,
     train: Sequence[int],
     limits: Limits = USUAL_LIMITS,
     *,
@@ -82,7 +82,7 @@ def fit_within(
     """Blend and train; leave out what makes the blend too large or too slow.
 
     Args:
-        found: What was tried.
+        search: What was tried.
         train: Indices of the trials to learn from.
         limits: Megabytes and microseconds.
         seed: Of all that is random.
@@ -90,29 +90,29 @@ def fit_within(
         pieces: Times of pieces of blends, if some are known.
     """
     measure, pieces = cost or cost_of, pieces or Pieces()
-    prepared = found.part.prepared
+    prepared = search.part.prepared
     heads: Heads = {}
     without: set[Candidate] = set()
     given_up: list[str] = []
-    whole = choice = found.choice()
+    whole = choice = search.choice()
     while True:
         # Networks take longest to train, and may yet be given up.
-        blend = fit_choice(choice, found.base, prepared, train, seed, heads, draft=True)
+        blend = fit_choice(choice, search.base, prepared, train, seed, heads, draft=True)
         now = measure(blend, prepared)
         large = now.mb > limits.most_mb and len(choice.members) > 1
-        units = _units(found, choice, without) if now.us > limits.bare_us else {}
+        units = _units(search, choice, without) if now.us > limits.bare_us else {}
         if not units and not large:
             fitted = {key: head for key, head in heads.items() if key[0].family != "network"}
-            blend = fit_choice(choice, found.base, prepared, train, seed, fitted)
+            blend = fit_choice(choice, search.base, prepared, train, seed, fitted)
             return Fitted(choice, blend, tuple(given_up))
         if not units:
             heavy = _largest(choice, blend)
             without, names = without | {heavy}, [heavy.name]
-            choice = found.choice(without)
+            choice = search.choice(without)
         else:
             share = limits.bare_us / now.us
             without, choice, names = _quick_enough(
-                found, choice, without, lambda own: pieces.us(own, prepared, heads), share
+                search, choice, without, lambda own: pieces.us(own, prepared, heads), share
             )
         it = "it" if len(names) == 1 else "them"
         costly = whole.accuracy - choice.accuracy >= WORTH_SAYING

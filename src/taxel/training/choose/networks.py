@@ -61,11 +61,14 @@ def train_network(
     for part in whole.modules():
         if isinstance(part, _OwnDropout):
             part.generator = torch.Generator().manual_seed(seed)
-    own = prepared.dataset.windows[windows]
+    learned = prepared.dataset.windows[windows]
     scaling_of_model = find_network(candidate.model).scaling
     kind = "standard" if scaling_of_model == "full-scale" else scaling_of_model
-    scaling = fit_scaling(kind, own.values, own.mask, None)
-    scaled = torch.from_numpy(scaling.apply(own.values, own.mask)), torch.from_numpy(own.mask)
+    scaling = fit_scaling(kind, learned.values, learned.mask, None)
+    scaled = (
+        torch.from_numpy(scaling.apply(learned.values, learned.mask)),
+        torch.from_numpy(learned.mask),
+    )
     values, mask = (part.numpy() for part in thinned(*scaled, whole.thin))
     data = Labelled(values, mask, y)
     fit(

@@ -122,12 +122,12 @@ class Pieces:
         if blocks:
             total += self._features(blocks, prepared, *window)
         for member in choice.members:
-            own = [heads[member.candidate, copy] for copy in range(copies_of(member))
-                   if (member.candidate, copy) in heads]  # fmt: skip
-            if member.candidate.family == "network" and own:
-                total += self._us((member.candidate, shape), _Beside(own), *window)
+            member_heads = [heads[member.candidate, copy] for copy in range(copies_of(member))
+                            if (member.candidate, copy) in heads]  # fmt: skip
+            if member.candidate.family == "network" and member_heads:
+                total += self._us((member.candidate, shape), _Beside(member_heads), *window)
             elif member.candidate.family == "trees":
-                total += self._forest(member.candidate, own, shape)
+                total += self._forest(member.candidate, member_heads, shape)
         return total
 
     def quick_sets(
@@ -149,22 +149,22 @@ class Pieces:
         if steps * channels <= LARGE or most_us == float("inf"):
             return sets, ()
         window = torch.from_numpy(windows.values[:1]), torch.from_numpy(windows.mask[:1])
-        shape, found = (steps, channels), dict[str, tuple[str, ...]]()
+        shape, quick = (steps, channels), dict[str, tuple[str, ...]]()
         for name, blocks in sets.items():
             self._features(blocks, prepared, *window)
             kept = sorted(blocks, key=lambda block: self._known[block, shape])
             while kept and self._features(tuple(kept), prepared, *window) > FOR_FEATURES * most_us:
                 kept.pop()
-            own = tuple(block for block in blocks if block in kept)
-            if own and own not in found.values():
-                found[name] = own
-        found = found or {PLAIN: sets[PLAIN]}
-        if next(iter(found)) == PLAIN:  # the broadest set comes first
-            found[PLAIN] = found.pop(PLAIN)
+            blocks_kept = tuple(block for block in blocks if block in kept)
+            if blocks_kept and blocks_kept not in quick.values():
+                quick[name] = blocks_kept
+        quick = quick or {PLAIN: sets[PLAIN]}
+        if next(iter(quick)) == PLAIN:  # the broadest set comes first
+            quick[PLAIN] = quick.pop(PLAIN)
         everything, left = (
-            {b for blocks in some.values() for b in blocks} for some in (sets, found)
+            {b for blocks in some.values() for b in blocks} for some in (sets, quick)
         )
-        return found, tuple(sorted(everything - left))
+        return quick, tuple(sorted(everything - left))
 
     def _features(
         self, blocks: tuple[str, ...], prepared: Prepared, values: Tensor, mask: Tensor

@@ -156,15 +156,15 @@ def load_base(
     """
     folders = (path,) if test is None else (path, test)
     config = with_common_grid(replace(ROWS, channels=channels), *folders)
-    own = dataset = load_dataset(path, config, target=target)
+    training = dataset = load_dataset(path, config, target=target)
     if test is not None:
-        dataset = join_datasets(own, test, target)
+        dataset = join_datasets(training, test, target)
     rows = np.bincount(dataset.trial, minlength=len(dataset.trials)).astype(np.intp)
     notes = _constant(dataset)
-    if own.missing or config.grid_hz is not None:  # on a grid, rows may be too old as well
+    if training.missing or config.grid_hz is not None:  # on a grid, rows may be too old as well
         whole = load_dataset(path, config, unusable=True)
-        rows[: len(own.trials)] = _all_rows(whole, own)
-        notes += _without_a_row(whole, own, target)
+        rows[: len(training.trials)] = _all_rows(whole, training)
+        notes += _without_a_row(whole, training, target)
     return Base(path, dataset, target, rows, test, notes=notes)
 
 
@@ -231,12 +231,12 @@ def candidate_windows(base: Base) -> list[WindowConfig]:
         return _within_marks(plain, longest, shortest)
     lengths = [n for n in LENGTHS if n <= longest]
     lengths = lengths or [max(1, shortest)]
-    found = [_window(plain, n, pad=bool(n > base.rows.min())) for n in reversed(lengths)]
+    windows = [_window(plain, n, pad=bool(n > base.rows.min())) for n in reversed(lengths)]
     whole = longest * len(base.trials) * len(sensor.channels)
     brief = longest <= SHORT_S * sensor.rate_hz
     if longest <= (MOST_FAST_ROWS if brief else MOST_ROWS) and whole <= MOST_VALUES:
-        found.insert(0, _window(plain, longest, pad=bool((base.rows < longest).any())))
-    return found
+        windows.insert(0, _window(plain, longest, pad=bool((base.rows < longest).any())))
+    return windows
 
 
 def _within_marks(plain: WindowConfig, longest: int, shortest: int) -> list[WindowConfig]:
@@ -344,7 +344,7 @@ def prepare_all(base: Base) -> list[Prepared]:
     """
     windows = candidate_windows(base)
     span = max(config.steps for config in windows)
-    found, refused = [], None
+    preparations, refused = [], None
     lost: set[int] = set()
     for config in windows:
         try:
@@ -354,8 +354,8 @@ def prepare_all(base: Base) -> list[Prepared]:
             continue
         lost = set(base.y.tolist()) - set(base.y[prepared.trial].tolist())
         if not lost:
-            found.append(prepared)
-    if not found:
+            preparations.append(prepared)
+    if not preparations:
         names = base.dataset.classes(base.target)
         raise refused or BadDataset(
             f"windows of every class of {base.target!r}",
@@ -363,7 +363,7 @@ def prepare_all(base: Base) -> list[Prepared]:
             "record longer trials of it, or, if values are missing there, see them with taxel info "
             "and import what is whole",
         )
-    return found
+    return preparations
 
 
 def _many(base: Base, config: WindowConfig) -> int:

@@ -327,21 +327,21 @@ class SearchResult:
         camps = [own.candidate.camp for own in tried]
         freedom = [own.candidate.freedom(self.sets) for own in tried]
         groups = groups_of(self.base.trials, self.held)[trial]
-        found = mix(probabilities, kinds, camps, freedom, y, groups)
-        whole = np.log(np.maximum(joined(probabilities, found), LEAST))
+        blend = mix(probabilities, kinds, camps, freedom, y, groups)
+        whole = np.log(np.maximum(joined(probabilities, blend), LEAST))
         last = fit_last(whole, y, len(set(trial)), later=self.held.ordered)
         final = doubted(softmax(last * whole))
-        weight = {id(tried[i]): w for i, w in zip(found.members, found.weights, strict=True)}
+        weight = {id(tried[i]): w for i, w in zip(blend.members, blend.weights, strict=True)}
         single = len(set(trial)) == len(trial)
         return Choice(
             target=self.base.target,
             window=part.prepared.config,
-            members=tuple(self._member(tried[i], weight[id(tried[i])]) for i in found.members),
+            members=tuple(self._member(tried[i], weight[id(tried[i])]) for i in blend.members),
             last=last,
             joining=Joining() if single else fit_joining(trial, final, y),
             held=self.held.words,
             folds=len(tested_folds(part.fold, ordered=part.ordered)),
-            why=f"of what keeps to the limits, {found.why}" if without else found.why,
+            why=f"of what keeps to the limits, {blend.why}" if without else blend.why,
             loss=float(losses(final, y).mean()),
             accuracy=float((final.argmax(axis=1) == y).mean()),
             leaderboard=self._leaderboard(weight),

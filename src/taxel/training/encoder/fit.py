@@ -119,9 +119,9 @@ def _epoch(
         for group in optimiser.param_groups:
             group["lr"] = config.learning_rate * _share(step / whole)
         first, second, slip = _draw(videos, config.batch, random)
-        found = changes(first, second)
+        changed = changes(first, second)
         targets = Targets(
-            *(torch.from_numpy(part) for part in (found.flow, found.grey, found.size, slip))
+            *(torch.from_numpy(part) for part in (changed.flow, changed.grey, changed.size, slip))
         )
         loss = network(_seen(first, random), _seen(second, random), targets)
         optimiser.zero_grad()

@@ -117,20 +117,20 @@ def open_backbone(
         raise BadInput(
             "a backbone whose features are means over places", backbone, "choose another"
         )
-    found = find_weights(backbone, weights)
+    stored = find_weights(backbone, weights)
     module = row.build("places" if places else "logits").eval()
-    found.load_into(module)
-    label = "random" if found.path is None else "trained"
+    stored.load_into(module)
+    label = "random" if stored.path is None else "trained"
     size_px = images.height_px, images.width_px
-    key = f"{backbone}-{label}-{found.digest[:12]}-{engine}-{precision}-{size_px[1]}x{size_px[0]}"
+    key = f"{backbone}-{label}-{stored.digest[:12]}-{engine}-{precision}-{size_px[1]}x{size_px[0]}"
     key += f"-places-{SETTLE.start}-{SETTLE.stop}" if places else ""
-    write = partial(export_backbone, module, backbone, *size_px, side_px=found.side_px)
+    write = partial(export_backbone, module, backbone, *size_px, side_px=stored.side_px)
     if engine == "torch":
-        ready = _in_torch(FrameFeatures(deepcopy(module), backbone, found.side_px), precision)
+        ready = _in_torch(FrameFeatures(deepcopy(module), backbone, stored.side_px), precision)
         run_by: tuple[BackboneEngine, Precision, int] = (engine, precision, threads)
         key += f"-{ready.device.type}"
         return BackboneExtractor(
-            backbone, found, write, ready, key, row.features, run_by, places=places
+            backbone, stored, write, ready, key, row.features, run_by, places=places
         )
     model = write()
     if precision == "int8":
@@ -138,7 +138,7 @@ def open_backbone(
         key += "-" + hashlib.sha256(np.stack(images.calibration).tobytes()).hexdigest()[:12]
     return BackboneExtractor(
         backbone,
-        found,
+        stored,
         model,
         open_engine(model, engine, precision, threads),
         key,

@@ -126,7 +126,7 @@ def extract(
         RecordingFailed: The disk refused.
         BadSource: An image cannot be decoded.
     """
-    found = []
+    features = []
     frames, seconds = 0, 0.0
     for number, pour in enumerate(pours, start=1):
         path = kept_path(cache, extractor, pour)
@@ -140,9 +140,9 @@ def extract(
         row = pour.image
         if extractor.in_order:
             row = np.arange(pour.image.size, dtype=np.intp).reshape(pour.image.shape)
-        found.append(FrameFeatures(values, row))
+        features.append(FrameFeatures(values, row))
         on_progress(Progress(number, len(pours), frames, seconds))
-    return found
+    return features
 
 
 def kept_path(cache: Path, extractor: Extractor, pour: CameraRecording) -> Path:

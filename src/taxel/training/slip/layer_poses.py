@@ -94,10 +94,10 @@ def _gel_at_dots(
     to_px = 1.0 / sensor.mm_per_px
     printed = face_place(rest, (follower.dots - _MIDDLE_PX) * sensor.mm_per_px)
     to_poses = np.array([to_px, to_px, 1.0])
-    found = np.empty((2, len(times.taken_s), 3))
+    poses = np.empty((2, len(times.taken_s), 3))
     for index, taken_s in enumerate(times.taken_s):
         moved = (printed + face_moved(view.at(float(taken_s)), printed)) * to_px
         inside = np.asarray((np.abs(moved) < _MIDDLE_PX - _EDGE_PX).all(axis=1), np.bool_)
         pose = (handle[index] - handle[reference]) * to_poses
-        found[:, index] = follower.carried(moved + _MIDDLE_PX, inside, pose)
-    return np.asarray(found / to_poses)
+        poses[:, index] = follower.carried(moved + _MIDDLE_PX, inside, pose)
+    return np.asarray(poses / to_poses)
