@@ -81,18 +81,18 @@ def measure_cycles(
             bar.update(task, completed=min(most, cycles))
             if endless and most >= cycles:
                 break
-    found = [
+    channels = [
         durability_of(info.channels[column], meter.taps)
         for column, meter in meters.items()
         if len(meter.taps) >= FEWEST
     ]
-    if not found:
+    if not channels:
         raise BadDataset(
             f"{FEWEST} taps on a channel, after 2 s without touch",
             f"at most {max(len(meter.taps) for meter in meters.values())}",
             "tap one pad firmly and let go each time",
         )
-    return _document(address, info, found)
+    return _document(address, info, channels)
 
 
 def write_cycles(path: Path, document: dict[str, Any], as_json: bool) -> None:

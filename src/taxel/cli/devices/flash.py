@@ -197,21 +197,21 @@ def hear_hello(path: str, baud: int, wait_s: float, clock: Clock | None = None) 
         BadSource: The port is not there, or no hello came.
         MissingExtra: There is no pyserial.
     """
-    own = clock or SystemClock()
-    port, decoder, heard = _serial_port()(path, baud, own), FrameDecoder(), 0
+    used_clock = clock or SystemClock()
+    port, decoder, heard = _serial_port()(path, baud, used_clock), FrameDecoder(), 0
     try:
-        until_s, ask_s = own.now_s() + wait_s, own.now_s()
-        while own.now_s() < until_s:
+        until_s, ask_s = used_clock.now_s() + wait_s, used_clock.now_s()
+        while used_clock.now_s() < until_s:
             for chunk in port.take():
                 heard += len(chunk.data)
                 for payload in decoder.feed(chunk.data):
                     message = unpack(payload)
                     if isinstance(message, Hello):
                         return message
-            if port.is_open and own.now_s() >= ask_s:
+            if port.is_open and used_clock.now_s() >= ask_s:
                 port.write(_IDENTIFY)
-                ask_s = own.now_s() + _ASK_S
-            own.sleep(0.005)
+                ask_s = used_clock.now_s() + _ASK_S
+            used_clock.sleep(0.005)
         got = port.trouble if not port.is_open else f"{heard} bytes and no hello"
     finally:
         port.close()

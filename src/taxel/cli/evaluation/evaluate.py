@@ -205,14 +205,14 @@ def _evaluate_bundle(
     device = asked_device()
     with progress() as bar:
         bar.add_task(f"scoring {bundle.name}", total=None)
-        found = score_bundle(read_bundle(bundle, device=device), folder, folds=folds)
+        score = score_bundle(read_bundle(bundle, device=device), folder, folds=folds)
     from taxel.views.tables.parts import bundle_score_table
     from taxel.views.tables.trained_on import trained_on_line
 
-    seen = trained_on_line(found.learned_from, "recordings", known=found.learned_is_known)
+    seen = trained_on_line(score.learned_from, "recordings", known=score.learned_is_known)
     if as_json:
-        print_json({"bundle": str(bundle), "data": str(folder)} | asdict(found) | {"warning": seen})
+        print_json({"bundle": str(bundle), "data": str(folder)} | asdict(score) | {"warning": seen})
         return
-    console.print(bundle_score_table(found, bundle.name, str(folder)))
+    console.print(bundle_score_table(score, bundle.name, str(folder)))
     if seen is not None:
         say(f"warning: {seen}", style="yellow")

@@ -155,35 +155,35 @@ class Adapt:
         run = _load(self.trained) if is_run else None
         contract = run.contract if run is not None else read_contract(self.trained)
         signed = False
-        found = measure_level(self.touches, contract)
+        level = measure_level(self.touches, contract)
         before, after = (
-            measured_at(self._predictor(run), contract, self.test, found) if self.test else ({}, {})
+            measured_at(self._predictor(run), contract, self.test, level) if self.test else ({}, {})
         )
         change = Change(
-            what=f"brought to the level of {found.touches} touches",
-            data=(str(self.touches),), data_digest=found.digest, before=before, after=after,
+            what=f"brought to the level of {level.touches} touches",
+            data=(str(self.touches),), data_digest=level.digest, before=before, after=after,
         )  # fmt: skip
         place = self._place()
         if run is not None:
-            save_at_level(place, run, found.level)
+            save_at_level(place, run, level.level)
         else:
             signed = is_signed(self.trained)
-            write_whole(place, bundle_at_level(self.trained, found.level)[1])
+            write_whole(place, bundle_at_level(self.trained, level.level)[1])
         stored = self._store(place, change)
         if self.json:
             print_json({
                 "output": str(self.output or self.trained),
                 "version": stored.version, "changed": stored.changed,
-                "touches": found.touches, "windows": found.windows,
-                "channels": contract.channels, "level": found.level.tolist(),
-                "change": found.change.tolist(), "silent": found.silent.tolist(),
-                "warnings": found.warnings,
+                "touches": level.touches, "windows": level.windows,
+                "channels": contract.channels, "level": level.level.tolist(),
+                "change": level.change.tolist(), "silent": level.silent.tolist(),
+                "warnings": level.warnings,
                 "measured_on": self.test and str(self.test), "before": before, "after": after,
             })  # fmt: skip
             return
         from taxel.views.tables.adapt import before_after_table, level_table
 
-        console.print(level_table(contract, found))
+        console.print(level_table(contract, level))
         if after:
             console.print(before_after_table(change, f"{self.test}, as measured"))
         self._say_stored(stored)
@@ -257,35 +257,35 @@ class Adapt:
             level = self._level(run.contract)
             grasps = read_grasps([self.correct], run.contract, level)
             bar.update(task, description="learning", total=len(set(grasps.grasp)))
-            found = learn_corrections(run, grasps, on_grasp=lambda _: bar.update(task, advance=1))
-            before, after = measured(run, found.run, self.test, level)
+            learned = learn_corrections(run, grasps, on_grasp=lambda _: bar.update(task, advance=1))
+            before, after = measured(run, learned.run, self.test, level)
         change = Change(
-            what=f"{found.grasps} corrected grasps", data=(str(self.correct),),
+            what=f"{learned.grasps} corrected grasps", data=(str(self.correct),),
             data_digest=grasps.digest, before=before, after=after,
         )  # fmt: skip
         place = self._place()
-        save_run(place, _made(found.run))
+        save_run(place, _made(learned.run))
         stored = self._store(place, change)
         times = [
-            clock_time(self.correct, found.order[drift.grasp], found.starts[drift.grasp])
-            for drift in found.drifts
+            clock_time(self.correct, learned.order[drift.grasp], learned.starts[drift.grasp])
+            for drift in learned.drifts
         ]
         detail = {
-            "grasps": found.grasps,
-            "prequential": found.prequential,
-            "unlearned": found.unlearned,
+            "grasps": learned.grasps,
+            "prequential": learned.prequential,
+            "unlearned": learned.unlearned,
             "drifts": [asdict(drift) | {"since": time}
-                       for drift, time in zip(found.drifts, times, strict=True)],
+                       for drift, time in zip(learned.drifts, times, strict=True)],
         }  # fmt: skip
         lines = [
-            f"{found.grasps} grasps that gave a window: {found.prequential:.1%} correct while "
-            f"learning, {found.unlearned:.1%} by the run as it was"
+            f"{learned.grasps} grasps that gave a window: {learned.prequential:.1%} correct while "
+            f"learning, {learned.unlearned:.1%} by the run as it was"
         ] + [
             f"drift since {time} (doubt {drift.before:.2f} → {drift.after:.2f}): touch the "
             "reference object, and give that recording to --touches"
-            for drift, time in zip(found.drifts, times, strict=True)
+            for drift, time in zip(learned.drifts, times, strict=True)
         ]
-        self._say(found.run.contract, change, stored, detail, lines)
+        self._say(learned.run.contract, change, stored, detail, lines)
 
     def _check_test(self, learned: Sequence[Path]) -> None:
         from taxel.training.adapt.new_data import check_apart

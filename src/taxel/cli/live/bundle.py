@@ -109,13 +109,15 @@ class Bundle:
             raise BadInput(
                 "recordings to measure parity on", f"no {data}", "name some with --data FOLDER"
             )
-        own = trained.contract
+        bundle_contract = trained.contract
         if self.follow is not None:
-            own = following(own, self.follow)
-        windows = load_at_level(data, own).windows[:2000]
+            bundle_contract = following(bundle_contract, self.follow)
+        windows = load_at_level(data, bundle_contract).windows[:2000]
 
         def write(path: Path) -> Contract:
-            return write_bundle(path, trained.networks, own, windows.values, windows.mask, signer)
+            return write_bundle(
+                path, trained.networks, bundle_contract, windows.values, windows.mask, signer
+            )
 
         if self.board is not None:
             self._write_avr(write, output, data)

@@ -35,14 +35,14 @@ def comparison_config(
     """
     from taxel.evaluation.teng.model_comparison import ComparisonConfig
 
-    found = recipe.resolve(model=model)
-    config = ComparisonConfig(window=found.window, train=found.train)
+    resolved = recipe.resolve(model=model)
+    config = ComparisonConfig(window=resolved.window, train=resolved.train)
     if data is not None or recipe.target is not None:
-        config = replace(config, targets=(found.target,))
+        config = replace(config, targets=(resolved.target,))
     if data is not None:
         config = replace(config, folds=fold_count)
     if model is not None:
-        config = replace(config, models=(found.model,))
+        config = replace(config, models=(resolved.model,))
     return config
 
 

@@ -82,17 +82,17 @@ class TrialOptions:
         from taxel.recordings.imports.video_rows import SPLIT, TEST
         from taxel.windows.camera_trials import read_camera_trials
 
-        found = read_camera_trials(data)
-        if same := [names for names in _alike(found).values() if len(names) > 1]:
+        trials = read_camera_trials(data)
+        if same := [names for names in _alike(trials).values() if len(names) > 1]:
             say_aside(
                 f"warning: the same images in {' and '.join(same[0])}"
                 f"{f', and in {len(same) - 1} more such sets' if same[1:] else ''}: where a split "
                 "parts them, what is tested was learned from"
             )
         if self.test is None:
-            return found
+            return trials
         others = read_camera_trials(self.test)
-        known = {trial.digest: trial.name for trial in found}
+        known = {trial.digest: trial.name for trial in trials}
         for trial in others:
             if trial.digest in known:
                 raise BadInput(
@@ -102,7 +102,7 @@ class TrialOptions:
                 )
         return [
             replace(trial, groups={**trial.groups, SPLIT: side})
-            for side, part in (("train", found), (TEST, others))
+            for side, part in (("train", trials), (TEST, others))
             for trial in part
         ]
 

@@ -238,14 +238,14 @@ class _Session:
         while not self._stopped():
             typed = self._keys.typed()
             step = self._shower.step()
-            found = step if step is not None else _first_key(typed)
-            if found in ("r", "d") and not last:
+            key = step if step is not None else _first_key(typed)
+            if key in ("r", "d") and not last:
                 if "q" in typed:
                     return "q"
                 self._show_line(_NO_LAST)
-            elif found is not None:
+            elif key is not None:
                 self._board.show("HOLD STILL", "until the grasp has settled")
-                return found
+                return key
             self._clock.sleep(0.05)
         return "q"
 

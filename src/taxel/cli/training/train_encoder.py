@@ -75,21 +75,21 @@ class TrainEncoder:
                 self.folders, self.without,
                 lambda done, of: bar.update(task, completed=done, total=of),
             )  # fmt: skip
-            found = fit_encoder(
+            fitted = fit_encoder(
                 videos, config, start=begun.tensors if begun else None,
                 kept=KeptEpochs(checkpoint, self.resume),
                 on_step=lambda step, of, loss: bar.update(
                     task, description=f"pretraining, loss {loss:.3f}", completed=step, total=of
                 ),
             )  # fmt: skip
-        stored = halved(found.encoder, videos, config)
+        stored = halved(fitted.encoder, videos, config)
         save_tensors(self.output, stored.tensors, stored.about.head())
         write_whole(self.output.with_suffix(".onnx"), encoder_onnx(stored.tensors))
         card = write_card(
             self.output.with_suffix(".json"),
             videos,
             config,
-            found.losses,
+            fitted.losses,
             begun.card if begun else None,
         )
         checkpoint.unlink(missing_ok=True)
@@ -97,7 +97,7 @@ class TrainEncoder:
             print_json(card)
             return
         say(f"{self.output}: touch after {self.epochs} epochs on {len(videos)} videos; loss "
-            f"{', '.join(f'{loss:.3f}' for loss in found.losses)}")  # fmt: skip
+            f"{', '.join(f'{loss:.3f}' for loss in fitted.losses)}")  # fmt: skip
         say("next: ", command("taxel", "train-monitor", self.folders[0], "--features", "touch",
                               "--weights", self.output, "--output", "grasp.taxel"))  # fmt: skip
 

@@ -134,7 +134,7 @@ def expert_json(expert: Expert, output: Path) -> dict[str, Any]:
     """Return what --json prints."""
     from taxel.training.choose.choice import as_record
 
-    found: dict[str, Any] = {
+    document: dict[str, Any] = {
         "run": str(output),
         "target": expert.choice.target,
         "classes": expert.run.contract.classes,
@@ -146,7 +146,7 @@ def expert_json(expert: Expert, output: Path) -> dict[str, Any]:
     nested = expert.nested
     if nested is not None:
         everyone = {"default": (nested.scores, nested.by_trial), **nested.bars}
-        found["nested"] = {
+        document["nested"] = {
             "split": nested.split,
             "folds": len(nested.choices),
             "windows": len(nested.predictions),
@@ -164,4 +164,4 @@ def expert_json(expert: Expert, output: Path) -> dict[str, Any]:
                 for name, (own, trials) in everyone.items()
             },
         }
-    return found
+    return document

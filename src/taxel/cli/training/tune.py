@@ -88,18 +88,18 @@ class Tune:
             def on_step(line: str) -> None:
                 bar.update(task, description=line, advance=1)
 
-            found = tune(
+            tuned = tune(
                 store, self.data, recipe, space,
                 Extent(trials=self.trials, folds=self.fold_count, nested=self.check),
                 on_step=on_step,
             )  # fmt: skip
-            run = _trained(self.data, found, output, on_step)
-        about = _about(found, output, url)
+            run = _trained(self.data, tuned, output, on_step)
+        about = _about(tuned, output, url)
         _save(output, run, about)
         if self.json:
             print_json(about)
             return
-        self._print_result(found, output, url)
+        self._print_result(tuned, output, url)
 
     def _print_result(self, found: Tuned, output: Path, url: str) -> None:
         from taxel.views.tables.tune import tune_table

@@ -86,8 +86,8 @@ def read_index(path: Path, manifest: Manifest) -> ReplayIndex:
         raise
     except ValueError as error:
         raise damaged(path, str(error)) from error
-    found = [np.array(sorted(rows), np.float64).reshape(-1, 4) for rows in frames]
-    taken = [rows for rows in found if len(rows)]
+    camera_frames = [np.array(sorted(rows), np.float64).reshape(-1, 4) for rows in frames]
+    taken = [rows for rows in camera_frames if len(rows)]
     first_s = min([first_s, *(float(rows[0, 0]) for rows in taken)])
     last_s = max([last_s, *(float(rows[-1, 0]) for rows in taken)])
     if not first_s <= last_s:
@@ -104,8 +104,8 @@ def read_index(path: Path, manifest: Manifest) -> ReplayIndex:
         values=values[order],
         marks=sorted(marks, key=lambda mark: mark.start_s),
         chunks=chunks,
-        frame_s=[rows[:, 0] for rows in found],
-        frame_at=[rows[:, 1:].astype(np.int64) for rows in found],
+        frame_s=[rows[:, 0] for rows in camera_frames],
+        frame_at=[rows[:, 1:].astype(np.int64) for rows in camera_frames],
     )
 
 

@@ -75,12 +75,12 @@ def card_of_run(run: Run) -> Html:
     return table([], rows + _used(run), kind="words")
 
 
-def drawn_split(found: Predictions) -> Html:
+def drawn_split(predictions: Predictions) -> Html:
     """Return which groups stand on which side of each fold, a drawing for each group."""
     keys = [
         key_
-        for key_ in split_groups(found)
-        if len({trial.groups[key_] for trial in found.trials}) <= _WIDE
+        for key_ in split_groups(predictions)
+        if len({trial.groups[key_] for trial in predictions.trials}) <= _WIDE
     ]
     legend = key(
         [
@@ -93,13 +93,13 @@ def drawn_split(found: Predictions) -> Html:
             ),
         ]
     )
-    tested = f"{len(found):,} test windows in {len(set(found.trial.tolist()))} trials."
+    tested = f"{len(predictions):,} test windows in {len(set(predictions.trial.tolist()))} trials."
     parts: list[object] = [
-        tag("h3", split_name(found.split)),
-        tag("p", f"{len(found.folds)} fold{'s' * (len(found.folds) > 1)}, {tested}"),
+        tag("h3", split_name(predictions.split)),
+        tag("p", f"{len(predictions.folds)} fold{'s' * (len(predictions.folds) > 1)}, {tested}"),
     ]
-    parts += [_sides(found, name) for name in keys]
-    shared = {name: _on_both(found, name) for name in [*keys, "trial"]}
+    parts += [_sides(predictions, name) for name in keys]
+    shared = {name: _on_both(predictions, name) for name in [*keys, "trial"]}
     if keys:
         parts.append(tag("p", legend))
     shared_groups = [f"{name} ({count} of {of})" for name, (count, of) in shared.items() if count]

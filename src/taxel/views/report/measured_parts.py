@@ -128,35 +128,37 @@ def sweep_part(points: Sequence[SweepPoint]) -> Html:
     return join([tag("p", sentence), tag("p", key(legend)), tag("div", join(charts), "side")])
 
 
-def _fault_chart(fault: str, own: list[SweepPoint], unchanged: list[SweepPoint]) -> Html:
-    own = sorted(own, key=lambda point: point.level)
-    levels = [point.level for point in own]
+def _fault_chart(fault: str, points: list[SweepPoint], unchanged: list[SweepPoint]) -> Html:
+    points = sorted(points, key=lambda point: point.level)
+    levels = [point.level for point in points]
     lowest, highest = levels[0], levels[-1]
     if lowest == highest:
         lowest, highest = lowest - 1, highest + 1
-    lines = [_unchanged(name, own, (lowest, highest)) for name in unchanged]
-    if any(math.isfinite(point.answered) for point in own):
+    lines = [_unchanged(name, points, (lowest, highest)) for name in unchanged]
+    if any(math.isfinite(point.answered) for point in points):
         lines.append(
-            Line(name="answered", x=levels, y=[point.answered for point in own], colour=colour(2))
+            Line(
+                name="answered", x=levels, y=[point.answered for point in points], colour=colour(2)
+            )
         )
     lines.append(
         Line(
             name=fault,
             x=levels,
-            y=[point.accuracy for point in own],
-            low=[point.low for point in own],
-            high=[point.high for point in own],
+            y=[point.accuracy for point in points],
+            low=[point.low for point in points],
+            high=[point.high for point in points],
             colour=colour(0),
         )
     )
-    unit = own[0].unit
+    unit = points[0].unit
     chart = line_chart(
         lines,
         Axis(label=f"{fault}, {unit}" if unit else fault, low=lowest, high=highest),
         Axis(label="share", low=0, high=1),
         size=(300, 220),
     )
-    known = [point for point in own if math.isfinite(point.accuracy)]
+    known = [point for point in points if math.isfinite(point.accuracy)]
     if not known:
         return figure(chart, f"{fault}: nothing was answered.")
     worst = min(known, key=lambda point: point.accuracy)

@@ -23,9 +23,9 @@ def person_part(logs: Mapping[str, Sequence[GraspTrial]]) -> Html:
     Args:
         logs: Name → its grasps.
     """
-    found = reaction_times(list(logs.values()))
+    reactions = reaction_times(list(logs.values()))
     parts: list[object] = [
-        tiles(_figures(found)),
+        tiles(_figures(reactions)),
         tag(
             "p",
             "From the alarm to the first thing that the person did, by key, button or mark: it "
@@ -33,9 +33,9 @@ def person_part(logs: Mapping[str, Sequence[GraspTrial]]) -> Html:
             "own truth.",
         ),
     ]
-    if found.times_s:
-        parts.append(figure(_chart(found), _interval_words(found)))
-    parts.append(_outcomes(found))
+    if reactions.times_s:
+        parts.append(figure(_chart(reactions), _interval_words(reactions)))
+    parts.append(_outcomes(reactions))
     rows = [_row(name, trial) for name, own in logs.items() for trial in own]
     head = ["log", "grasp", "alarm", "advice", "acknowledged, s", "reaction", "reaction time, s",
             "outcome", "by"]  # fmt: skip

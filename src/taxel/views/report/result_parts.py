@@ -167,7 +167,7 @@ def published_beside(runs: Mapping[str, Run], judged: Mapping[str, RunScores]) -
     )
 
 
-def each_run(name: str, run: Run, own: RunScores, ink: str) -> Html:
+def each_run(name: str, run: Run, scores: RunScores, ink: str) -> Html:
     """Return one run's confusion, reliability, groups and learning curve, in its colour."""
     assert run.predictions is not None
     intervals = [
@@ -176,24 +176,30 @@ def each_run(name: str, run: Run, own: RunScores, ink: str) -> Html:
             str(interval.groups),
             band(interval.low, interval.high) if interval.groups > 2 else "too few to say",
         ]
-        for key, interval in own.intervals.items()
+        for key, interval in scores.intervals.items()
     ]
     parts: list[object] = [
-        figure(matrix(run.predictions.classes, own.scores.confusion), "All test windows.", "free"),
-        figure(_reliability(own, ink), _trust(own)),
+        figure(
+            matrix(run.predictions.classes, scores.scores.confusion), "All test windows.", "free"
+        ),
+        figure(_reliability(scores, ink), _trust(scores)),
     ]
-    few = [Dot(f"{g.name} · {g.windows}", g.accuracy, colour=ink) for g in own.by_group[:40]]
+    few = [Dot(f"{g.name} · {g.windows}", g.accuracy, colour=ink) for g in scores.by_group[:40]]
     return join(
         [
             tag("h3", name),
             tag("div", join(parts), "side"),
             figure(
                 dot_chart(few),
-                f"Accuracy in each {own.group} (and its windows), each window predicted by a model "
-                "that did not train on it; folds: "
-                + ", ".join(percent(value) for value in own.fold_accuracies)
+                f"Accuracy in each {scores.group} (and its windows), each window predicted by a "
+                "model that did not train on it; folds: "
+                + ", ".join(percent(value) for value in scores.fold_accuracies)
                 + "."
-                + (f" {len(own.by_group) - 40} more not shown." if len(own.by_group) > 40 else ""),
+                + (
+                    f" {len(scores.by_group) - 40} more not shown."
+                    if len(scores.by_group) > 40
+                    else ""
+                ),
             ),
             *_training(run, ink),
             tag("p", "How wide the interval is depends on what is resampled as independent:"),

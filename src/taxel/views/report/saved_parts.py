@@ -94,11 +94,14 @@ def _transitions(data: Row) -> Html:
             )
         )
     for table_number, title in TITLES.items():
-        own = [row for row in data["rows"] if table_number in row["plan"]["tables"]]
-        if own:
-            parts += [tag("h3", title), _transition_table(own, steps, times=table_number < 3)]
-        if table_number == 3 and len(own) > 1:
-            parts.append(_by_frames(own))
+        table_rows = [row for row in data["rows"] if table_number in row["plan"]["tables"]]
+        if table_rows:
+            parts += [
+                tag("h3", title),
+                _transition_table(table_rows, steps, times=table_number < 3),
+            ]
+        if table_number == 3 and len(table_rows) > 1:
+            parts.append(_by_frames(table_rows))
     parts += [
         tag("h3", "Trivial baselines, same windows"),
         table(
@@ -149,7 +152,7 @@ def _by_frames(rows: Sequence[Row]) -> Html:
     lines, entries = [], []
     paper: dict[int, float] = {}
     for index, model in enumerate(models):
-        own = sorted(
+        by_frames = sorted(
             (row for row in rows if row["plan"]["model"] == model),
             key=lambda row: int(row["plan"]["frames"]),
         )
@@ -157,15 +160,15 @@ def _by_frames(rows: Sequence[Row]) -> Html:
         lines.append(
             Line(
                 name=model,
-                x=[row["plan"]["frames"] for row in own],
-                y=[row["single"]["accuracy"] for row in own],
-                low=[row["single"]["interval"][0] for row in own],
-                high=[row["single"]["interval"][1] for row in own],
+                x=[row["plan"]["frames"] for row in by_frames],
+                y=[row["single"]["accuracy"] for row in by_frames],
+                low=[row["single"]["interval"][0] for row in by_frames],
+                high=[row["single"]["interval"][1] for row in by_frames],
                 colour=ink,
             )
         )
         entries.append((ink, f"{model}, one cup out"))
-        published = {row["plan"]["frames"]: row["plan"]["published"] for row in own}
+        published = {row["plan"]["frames"]: row["plan"]["published"] for row in by_frames}
         paper |= {k: value / 100 for k, value in published.items() if value is not None}
     if paper:
         lines.append(

@@ -38,12 +38,12 @@ def sweep_table(
         table.add_column(column, justify="right", overflow="fold")
     base = points[0]
     for fault, group in groupby(points, key=lambda point: point.fault):
-        own = list(group)
-        draws = f"{own[0].draws} draws" if own[0].draws > 1 else ""
-        heads = [head for head in (fault, own[0].unit, draws) if head]
-        if len(own) < len(heads):
+        of_fault = list(group)
+        draws = f"{of_fault[0].draws} draws" if of_fault[0].draws > 1 else ""
+        heads = [head for head in (fault, of_fault[0].unit, draws) if head]
+        if len(of_fault) < len(heads):
             heads = [", ".join(heads)]
-        for index, point in enumerate(own):
+        for index, point in enumerate(of_fault):
             change = 100 * (point.beside(base.accuracy) - base.accuracy)
             table.add_row(
                 heads[index] if index < len(heads) else "",

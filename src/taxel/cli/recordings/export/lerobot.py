@@ -57,24 +57,26 @@ class Lerobot:
         left_out = depth_cameras(paths)
         with progress() as bars:
             bar = bars.add_task("exporting", total=len(paths))
-            found = write_lerobot(
+            written = write_lerobot(
                 paths, self.output, fps=self.fps, rows=self.rows, cut=self.episodes,
                 overwrite=self.overwrite,
                 progress=lambda done, of: bars.update(bar, completed=done, total=of),
             )  # fmt: skip
         if self.json:
-            print_json({"output": str(self.output), **found.as_dict(), "left_out": left_out})
+            print_json({"output": str(self.output), **written.as_dict(), "left_out": left_out})
             return
-        each = f"{found.frames} frames" + (f" of {found.rows} scans" if found.rows else "")
-        say(f"{self.output}: {found.episodes} episodes, {each}, {found.fps} frames/s")
-        say(f"tasks: {', '.join(map(repr, found.tasks[:6]))}{' …' if found.tasks[6:] else ''}")
-        say(f"frame / fps differs from the time of a frame by up to {1000 * found.drift_s:.3g} ms")
-        if found.truth:
-            channels = ", ".join(found.truth)
+        each = f"{written.frames} frames" + (f" of {written.rows} scans" if written.rows else "")
+        say(f"{self.output}: {written.episodes} episodes, {each}, {written.fps} frames/s")
+        say(f"tasks: {', '.join(map(repr, written.tasks[:6]))}{' …' if written.tasks[6:] else ''}")
+        say(
+            f"frame / fps differs from the time of a frame by up to {1000 * written.drift_s:.3g} ms"
+        )
+        if written.truth:
+            channels = ", ".join(written.truth)
             say(f"ground truth of the simulator, under truth and not observation: {channels}")
         if left_out:
             say(depth_line(left_out))
-        if found.scans_left_out:
-            say(f"{found.scans_left_out} scans are in no window; give more with --rows")
-        if found.images_left_out:
-            say(f"{found.images_left_out} images fit no frame of the first camera")
+        if written.scans_left_out:
+            say(f"{written.scans_left_out} scans are in no window; give more with --rows")
+        if written.images_left_out:
+            say(f"{written.images_left_out} images fit no frame of the first camera")

@@ -105,11 +105,13 @@ class CupPour:
         for column in ("force", "pours", "hold", "gross slip", "drop", "median slip"):
             table.add_column(column, justify="right")
         for force_n in config.forces_n:
-            own = [row for row in rows if row["force_n"] == force_n]
-            counts = [sum(row["outcome"] == name for row in own)
+            at_force = [row for row in rows if row["force_n"] == force_n]
+            counts = [sum(row["outcome"] == name for row in at_force)
                       for name in ("hold", "gross slip", "drop")]  # fmt: skip
-            slip_um = sorted(row["slip_um"] for row in own)[len(own) // 2]
-            table.add_row(f"{force_n:g} N", str(len(own)), *map(str, counts), f"{slip_um:.0f} µm")
+            slip_um = sorted(row["slip_um"] for row in at_force)[len(at_force) // 2]
+            table.add_row(
+                f"{force_n:g} N", str(len(at_force)), *map(str, counts), f"{slip_um:.0f} µm"
+            )
         console.print(table)
         say(f"{len(rows)} recordings of {self.duration_s:g} s, two cameras each")
         say("look: ", command("taxel", "view", self.output / f"{rows[0]['run']}.mcap"))
