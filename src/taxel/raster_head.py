@@ -68,21 +68,21 @@ def _tiff(image: bytes) -> tuple[int, int]:
     count = number(first, 2)
     if count > _MOST_TAGS:
         raise BadSource("a TIFF image", f"one of {count} tags", _MEND)
-    found = {}
+    tags = {}
     for at in range(first + 2, first + 2 + 12 * count, 12):
         kind, values = number(at + 2, 2), number(at + 4, 4)
         size = {_SHORT: 2, _LONG: 4}.get(kind, 0)
         if size:
             inside = size * values <= 4
-            found[number(at, 2)] = number(at + 8 if inside else number(at + 8, 4), size)
+            tags[number(at, 2)] = number(at + 8 if inside else number(at + 8, 4), size)
     if number(first + 2 + 12 * count, 4):
         raise BadSource(
             "a TIFF of one image", "one of several", "save each as a file of its own in a folder"
         )
-    if found.get(_BITS, 1) > _MOST_BITS:
+    if tags.get(_BITS, 1) > _MOST_BITS:
         raise BadSource(
-            f"a TIFF of at most {_MOST_BITS} bits a colour", f"{found[_BITS]} bits", _MEND
+            f"a TIFF of at most {_MOST_BITS} bits a colour", f"{tags[_BITS]} bits", _MEND
         )
-    if not {_WIDTH, _HEIGHT} <= found.keys():
+    if not {_WIDTH, _HEIGHT} <= tags.keys():
         raise BadSource("a TIFF that says its size", "one that does not", _MEND)
-    return found[_WIDTH], found[_HEIGHT]
+    return tags[_WIDTH], tags[_HEIGHT]

@@ -155,22 +155,22 @@ def features_of(
         cameras: Name → (width, height), pixels.
         keys: Of the array's features.
     """
-    found: dict[str, Feature] = {}
+    features: dict[str, Feature] = {}
     if channels:
         names, count = tuple(channels), len(channels)
-        found[keys.state] = Feature("float32", (count,), names)
-        found[keys.window] = Feature("float32", (rows, count))
-        found[keys.validity] = Feature("uint8", (rows, count))
-        found[keys.valid] = Feature("bool", (count,), names)
-        found[SCAN_S] = Feature("float64", (rows,))
-        found[SCAN] = Feature("int64", (1,))
+        features[keys.state] = Feature("float32", (count,), names)
+        features[keys.window] = Feature("float32", (rows, count))
+        features[keys.validity] = Feature("uint8", (rows, count))
+        features[keys.valid] = Feature("bool", (count,), names)
+        features[SCAN_S] = Feature("float64", (rows,))
+        features[SCAN] = Feature("int64", (1,))
     for name, (width, height) in cameras.items():
-        found[image_key(name)] = Feature(
+        features[image_key(name)] = Feature(
             "image", (height, width, 3), ("height", "width", "channels")
         )
-        found[image_time_key(name)] = Feature("float64", (1,))
-        found[image_number_key(name)] = Feature("int64", (1,))
-    return found | COUNTING
+        features[image_time_key(name)] = Feature("float64", (1,))
+        features[image_number_key(name)] = Feature("int64", (1,))
+    return features | COUNTING
 
 
 def schema_of(features: Mapping[str, Feature]) -> pa.Schema:

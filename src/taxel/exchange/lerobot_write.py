@@ -209,7 +209,7 @@ class _Writer:
         frame = np.arange(at, stop)
         for task in tasks[at:stop]:
             self._tasks.setdefault(task, len(self._tasks))
-        found: dict[str, NDArray[Any]] = {
+        columns: dict[str, NDArray[Any]] = {
             "timestamp": (frame / self._rhythm.fps).astype(np.float32),
             "frame_index": frame,
             "episode_index": np.full(len(frame), number),
@@ -217,13 +217,13 @@ class _Writer:
             "task_index": np.array([self._tasks[task] for task in tasks[at:stop]]),
         }
         if not self._rhythm.rows:
-            return found
+            return columns
         samples, there = episode.windows(at, stop)
         shape = (stop - at, self._rhythm.rows, samples.values.shape[1])
         last = self._newest(there.reshape(shape[:2]))
         pick = (np.arange(len(last)), last)
         values = samples.values.reshape(shape)
-        return found | {
+        return columns | {
             self._keys.state: values[pick],
             self._keys.window: values,
             self._keys.validity: samples.validity.reshape(shape),
@@ -276,7 +276,7 @@ class _Writer:
         stats: dict[str, Stats],
     ) -> dict[str, Any]:
         """Return an episode's row of meta/episodes."""
-        manifest, own = episode.manifest, layout.OWN
+        manifest, prefix = episode.manifest, layout.OWN
         marks = [asdict(mark) for mark in episode.marks]
         row: dict[str, Any] = {
             "episode_index": number,
@@ -288,12 +288,12 @@ class _Writer:
             "dataset_to_index": start + len(episode),
             "meta/episodes/chunk_index": 0,
             "meta/episodes/file_index": 0,
-            f"{own}recording": episode.name,
-            f"{own}manifest": json.dumps(to_record(manifest), ensure_ascii=False),
-            f"{own}marks": json.dumps(marks, ensure_ascii=False),
+            f"{prefix}recording": episode.name,
+            f"{prefix}manifest": json.dumps(to_record(manifest), ensure_ascii=False),
+            f"{prefix}marks": json.dumps(marks, ensure_ascii=False),
         }
-        row |= {f"{own}label/{name}": value for name, value in manifest.labels.items()}
-        row |= {f"{own}group/{name}": value for name, value in manifest.groups.items()}
+        row |= {f"{prefix}label/{name}": value for name, value in manifest.labels.items()}
+        row |= {f"{prefix}group/{name}": value for name, value in manifest.groups.items()}
         for key, found in stats.items():
             row |= {f"stats/{key}/{name}": value for name, value in as_lists(found).items()}
         return row

@@ -66,16 +66,16 @@ def write_tables(
         BadRecording: One is damaged or cut short.
         RecordingFailed: The disk refused.
     """
-    found: dict[str, dict[str, int]] = {}
+    rows_written: dict[str, dict[str, int]] = {}
     manifests = {}
     with new_tree(output, SIGN, overwrite=overwrite) as made:
         for done, path in enumerate(paths, 1):
             manifest = read_manifest(path)
             manifests[path.stem] = to_record(manifest)
-            found[path.stem] = _write(path, manifest, made)
+            rows_written[path.stem] = _write(path, manifest, made)
             progress(done, len(paths))
         (made / SIGN).write_text(json.dumps(manifests, indent=1, ensure_ascii=False))
-    return found
+    return rows_written
 
 
 def _write(path: Path, manifest: Manifest, folder: Path) -> dict[str, int]:

@@ -117,13 +117,13 @@ def write_bags(
         BadRecording: One is damaged or cut short.
         RecordingFailed: The disk refused.
     """
-    found = {}
+    messages_written = {}
     with new_tree(output, SIGN, overwrite=overwrite) as made:
         _write_package(made / PACKAGE)
         for done, path in enumerate(paths, 1):
-            found[path.stem] = _write_bag(path, made / path.stem)
+            messages_written[path.stem] = _write_bag(path, made / path.stem)
             progress(done, len(paths))
-    return found
+    return messages_written
 
 
 def _write_package(folder: Path) -> None:

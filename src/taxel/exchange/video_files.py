@@ -60,7 +60,7 @@ def write_videos(
         BadRecording: One is damaged or cut short.
         RecordingFailed: The disk refused.
     """
-    found: dict[str, int] = {}
+    frames_written: dict[str, int] = {}
     with new_tree(output, SIGN, overwrite=overwrite) as made:
         (made / SIGN).touch()
         for done, path in enumerate(paths, 1):
@@ -68,9 +68,9 @@ def write_videos(
             if not cameras:
                 raise BadDataset("a recording of cameras", f"{path} without",
                                  "name recordings with cameras")  # fmt: skip
-            found |= _write(path, cameras, made, codec)
+            frames_written |= _write(path, cameras, made, codec)
             progress(done, len(paths))
-    return found
+    return frames_written
 
 
 def _write(path: Path, cameras: Sequence[CameraInfo], folder: Path, codec: Codec) -> dict[str, int]:

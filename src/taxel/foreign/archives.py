@@ -92,14 +92,14 @@ def read_members(file: BinaryIO, wanted: Mapping[str, int], ratio: float) -> dic
                 refuse_packing(info)
             if sum(info.file_size for info in held) > allowed:
                 _no_zip(f"members packed more than {ratio:g} times")
-            found = {}
+            members = {}
             for info in held:
                 with archive.open(info) as member:
                     content = member.read(info.file_size + 1)
                 if len(content) != info.file_size:
                     _no_zip(f"{info.filename} of another size than it says")
-                found[info.filename] = content
-            return found
+                members[info.filename] = content
+            return members
     except BadFile:
         raise
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, LookupError, ValueError,

@@ -70,16 +70,16 @@ def parse_json(text: str | bytes, most_values: int = MOST_VALUES, *, finite: boo
             _refuse(f"more than {most_values:,} values")
         _refuse_deep(text)
         constant = _no_constant if finite else float
-        found = json.loads(
+        parsed = json.loads(
             text, object_pairs_hook=_once, parse_int=_integer, parse_constant=constant
         )
         if _SURROGATE.search(text):
-            json.dumps(found, ensure_ascii=False).encode()
+            json.dumps(parsed, ensure_ascii=False).encode()
     except BadFile:
         raise
     except (ValueError, RecursionError) as error:
         _refuse(f"something else ({error})", error)
-    return found
+    return parsed
 
 
 class Fields:

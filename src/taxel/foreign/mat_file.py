@@ -119,9 +119,9 @@ class MatFile:
         if variable not in self._variables or field.count(".") > _DEEPEST:
             raise KeyError(name)
         try:
-            found = self._heads[variable]
-            if found.kind in _CLASSES and not found.flags & _COMPLEX and not field:
-                return Numbers(found.shape, _dtype_of(found), lambda at: self._array(name)[at])
+            head = self._heads[variable]
+            if head.kind in _CLASSES and not head.flags & _COMPLEX and not field:
+                return Numbers(head.shape, _dtype_of(head), lambda at: self._array(name)[at])
             matrix = self._matrix(variable)
             if matrix.kind == _STRUCT:
                 return self._field(matrix, field, name)

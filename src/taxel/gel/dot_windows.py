@@ -109,11 +109,11 @@ def centroids(
     pad = windows.pad
     bordered = cv2.copyMakeBorder(image, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
     padded = np.asarray(bordered, np.uint8).ravel()
-    found, mass = _weigh(padded, at, windows)
-    off = np.abs(found - np.rint(at)).max(axis=1) > _CENTRED_PX
+    centres, mass = _weigh(padded, at, windows)
+    off = np.abs(centres - np.rint(at)).max(axis=1) > _CENTRED_PX
     if off.any():
-        found[off], mass[off] = _weigh(padded, found[off], windows)
-    return found, mass
+        centres[off], mass[off] = _weigh(padded, centres[off], windows)
+    return centres, mass
 
 
 def _weigh(

@@ -95,12 +95,12 @@ def read_corrections(recording: Path, duration_s: float) -> dict[str, Correction
     entries = stored.get("corrections")
     if not isinstance(entries, list):
         raise BadInput(f"a list of corrections in {path}", type(entries).__name__, _MEND)
-    found: dict[str, Correction] = {}
+    by_rule: dict[str, Correction] = {}
     for entry in entries:
         correction = _from_json(entry, path)
         check_inside(correction, duration_s)
-        found[correction.rule] = correction
-    return found
+        by_rule[correction.rule] = correction
+    return by_rule
 
 
 def write_correction(recording: Path, correction: Correction, duration_s: float) -> Path:

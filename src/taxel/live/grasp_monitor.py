@@ -154,12 +154,12 @@ class GraspMonitor:
         self._health.see(frame)
 
     def push(
-        self, found: FrameSet, now_s: float | None = None, heard_s: float | None = None
+        self, frame_set: FrameSet, now_s: float | None = None, heard_s: float | None = None
     ) -> GraspAnswer:
         """Take in the newest frame of each camera; return the decision.
 
         Args:
-            found: The frames.
+            frame_set: The frames.
             now_s: This moment on the frames' clock, seconds; the frames' own by default.
             heard_s: When it was last looked which frames have come, seconds; `now_s` by default.
                 A camera is missed by this: frames that wait while a model computes have come.
@@ -167,21 +167,21 @@ class GraspMonitor:
         started = perf_counter()
         self._begun, self._over = True, self._over and self._starts is not None
         if not self._watched:
-            for frame in found.frames:
+            for frame in frame_set.frames:
                 self._health.see(frame)
         probability, doubt, began = float("nan"), "", False
         try:
-            images, fresh = self._look(found)
+            images, fresh = self._look(frame_set)
         except BadSource as error:
             doubt = error.got
         else:
-            window, began = self._next_window(images, fresh, found)
+            window, began = self._next_window(images, fresh, frame_set)
             if window is not None:
                 probability = self.bundle.probability(window)
-        arrived_s = max(frame.arrival_s for frame in found.frames)
+        arrived_s = max(frame.arrival_s for frame in frame_set.frames)
         looked_s = now_s if heard_s is None else heard_s
         doubt = doubt or self._health.doubt(arrived_s if looked_s is None else looked_s)
-        now = found.time_s if now_s is None else now_s
+        now = frame_set.time_s if now_s is None else now_s
         if doubt:
             decision = self._monitor.doubt(doubt, now)
         elif self._over:
@@ -189,7 +189,7 @@ class GraspMonitor:
         elif self._rest is None or len(self._ring) < self.bundle.contract.frames:
             decision = self._monitor.doubt(self._waiting(), now)
         else:
-            decision = self._weighed(probability, found.time_s, now_s)
+            decision = self._weighed(probability, frame_set.time_s, now_s)
         gels: tuple[Slip, ...] = ()
         if self._watch is not None:
             gels = self._watch.gels
@@ -198,7 +198,7 @@ class GraspMonitor:
                 slip = replace(slip, seen=False)  # one gel's is older than its image: no measure
             decision = replace(decision, slip=slip)
         latency_s = perf_counter() - started
-        return GraspAnswer(decision, probability, found.time_s, latency_s, gels, began)
+        return GraspAnswer(decision, probability, frame_set.time_s, latency_s, gels, began)
 
     def at(self, now_s: float) -> StabilityDecision:
         """Return the state when no frame came: UNKNOWN once a camera is gone."""

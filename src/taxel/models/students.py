@@ -80,16 +80,16 @@ def begin_student(backbone: str, start: Path | None, seed: int) -> Student:
         given.load_into(module)
         return Student(module, given.words, NEAR)
     relative = RELATIVES.get(backbone, "")
-    own = find_weights(relative) if relative else None
-    if own is not None and own.label != RANDOM:
+    weights = find_weights(relative) if relative else None
+    if weights is not None and weights.label != RANDOM:
         other = find_backbone(relative).build("logits")
-        own.load_into(other)
+        weights.load_into(other)
         begin_with_relative(module, backbone, other, seed)
-        return Student(module, f"{relative}'s {own.words}", NEAR)
+        return Student(module, f"{relative}'s {weights.words}", NEAR)
     for name in STARTS:
-        found = fetched_weights(name) if network_of(name) == backbone else None
-        if found is not None and found.path is not None:
-            load_backbone_weights(module, backbone, found.path)
-            return Student(module, f"{name} ({found.origin})", FAR)
+        weights = fetched_weights(name) if network_of(name) == backbone else None
+        if weights is not None and weights.path is not None:
+            load_backbone_weights(module, backbone, weights.path)
+            return Student(module, f"{name} ({weights.origin})", FAR)
     fill_randomly(module, backbone, seed)
     return Student(module, "random numbers", FAR)

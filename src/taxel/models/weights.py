@@ -98,19 +98,19 @@ def find_weights(
     """
     find_backbone(backbone)
     if path is not None:
-        found = _find_at(backbone, path, "check the path")
-        if found is None:
+        weights_path = _find_at(backbone, path, "check the path")
+        if weights_path is None:
             names = ", ".join(_names_of(backbone))
             raise BadInput(f"one of the files {names}", f"none of them in {path}", "add it there")
-        return _describe(backbone, found)
+        return _describe(backbone, weights_path)
     if environment.get(VARIABLE):
         place = Path(environment[VARIABLE])
-        if found := _find_at(backbone, place, f"check the variable {VARIABLE}"):
-            return _describe(backbone, found)
+        if weights_path := _find_at(backbone, place, f"check the variable {VARIABLE}"):
+            return _describe(backbone, weights_path)
     if packaged := _packaged(backbone):
         return _describe(backbone, packaged)
-    own = shipped_weights(backbone) or fetched_weights(backbone, cache)
-    return own or _random(backbone, seed)
+    default = shipped_weights(backbone) or fetched_weights(backbone, cache)
+    return default or _random(backbone, seed)
 
 
 def model_weights(

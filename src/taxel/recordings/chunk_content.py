@@ -59,9 +59,9 @@ def decode_chunk(
     Raises:
         ValueError: A record is cut short or is not laid out as FORMAT.md says.
     """
-    found = ChunkContent()
+    decoded = ChunkContent()
     dtype: np.dtype[Any] = record_dtype(channels, version)
-    take = (_Version1 if version == "1" else _Version2)(found, cameras)
+    take = (_Version1 if version == "1" else _Version2)(decoded, cameras)
     at = 0
     spans: list[tuple[int, int]] = []
     while at < len(content):
@@ -81,13 +81,13 @@ def decode_chunk(
             elif MARK_CHANNEL <= channel <= take.last:
                 body = at + RECORD_HEAD.size + MESSAGE_HEAD.size
                 take.message(channel, sequence, content[body:end])
-                if len(found.marks) > _MOST_MARKS:
+                if len(decoded.marks) > _MOST_MARKS:
                     raise ValueError(f"more than {_MOST_MARKS:,} marks in a chunk")
         at = end
     take.finish()
     if spans:
-        found.runs.append(_joined(content, spans, dtype))
-    return found
+        decoded.runs.append(_joined(content, spans, dtype))
+    return decoded
 
 
 class _Version2:

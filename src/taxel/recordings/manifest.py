@@ -170,7 +170,7 @@ def from_record(pairs: Mapping[str, str]) -> Manifest:
 
 def _parse(body: Mapping[str, str]) -> Manifest:
     sensor = Fields(parse_json(body["sensor"]), "sensor")
-    own = Fields({name: parse_json(body[name]) for name in ("labels", "groups")}, "the manifest")
+    fields = Fields({name: parse_json(body[name]) for name in ("labels", "groups")}, "the manifest")
     cameras = parse_json(body.get("cameras", "[]"))
     if not isinstance(cameras, list) or len(cameras) > _MOST_CAMERAS:
         raise ValueError(f"cameras is no list of at most {_MOST_CAMERAS}")
@@ -190,8 +190,8 @@ def _parse(body: Mapping[str, str]) -> Manifest:
             details=sensor.pairs("details"),
         ),
         cameras=tuple(map(_camera, cameras)),
-        labels=own.pairs("labels"),
-        groups=own.pairs("groups"),
+        labels=fields.pairs("labels"),
+        groups=fields.pairs("groups"),
         software=body["software"],
         created=body["created"],
         wall_anchor_ns=int(anchor),

@@ -40,7 +40,7 @@ def seconds_of(path: Path, cells: Sequence[str], name: str, first_line: int) -> 
     Raises:
         BadTable: A cell is no time stamp; says line and column.
     """
-    found = np.empty(len(cells))
+    times_s = np.empty(len(cells))
     for row, cell in enumerate(cells):
         seconds = stamp_s(cell)
         if seconds is None:
@@ -50,8 +50,8 @@ def seconds_of(path: Path, cells: Sequence[str], name: str, first_line: int) -> 
                 f"{cell[:80]!r} in {path}, line {row + first_line}, column {name[:80]!r}",
                 "write times so, or as seconds, or give a rate instead of a time column",
             )
-        found[row] = seconds
-    return found
+        times_s[row] = seconds
+    return times_s
 
 
 def stamp_s(cell: str) -> float | None:

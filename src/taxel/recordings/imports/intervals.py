@@ -93,7 +93,7 @@ def read_intervals(table: Path, recordings: Sequence[str]) -> dict[str, list[Int
             f"{', '.join(header)} in {table}", "add it, or name one recording",
         )  # fmt: skip
     known = {composed(name): name for name in recordings}
-    found: dict[str, list[Interval]] = defaultdict(list)
+    by_recording: dict[str, list[Interval]] = defaultdict(list)
     for number, cells in lines:
         where = f"{table}, line {number}"
         if len(cells) != len(header):
@@ -103,8 +103,8 @@ def read_intervals(table: Path, recordings: Sequence[str]) -> dict[str, list[Int
         if name is None:
             raise BadTable(f"a file among {_some(recordings)}", f"{named['file']!r} in {where}",
                            "correct the line, or add the file")  # fmt: skip
-        found[name].append(_interval(named, where))
-    for own in found.values():
+        by_recording[name].append(_interval(named, where))
+    for own in by_recording.values():
         own.sort(key=lambda interval: interval.start_s)
         for before, after in pairwise(own):
             if after.start_s < before.end_s - _SLACK_S:
@@ -114,7 +114,7 @@ def read_intervals(table: Path, recordings: Sequence[str]) -> dict[str, list[Int
                     f"{start} s in {after.where}, before the {end} s at "
                     f"which that of {before.where} ends", "mend one of them",
                 )  # fmt: skip
-    return dict(found)
+    return dict(by_recording)
 
 
 def marks_of(

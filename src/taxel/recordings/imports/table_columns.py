@@ -141,16 +141,16 @@ def _values(
     """
     blocks, count = [np.empty((0, len(where)))], 0
     while block := list(islice(rows, max(1, _BLOCK_CELLS // len(form.names)))):
-        found = np.empty((len(block), len(where)))
+        block_values = np.empty((len(block), len(where)))
         for place, index in enumerate(where):
             line = form.first_line + count
             cells = [row[index] for row in block]
             if index == stamped:
-                found[:, place] = seconds_of(path, cells, form.names[index], line)
+                block_values[:, place] = seconds_of(path, cells, form.names[index], line)
                 continue
             cells = sign.with_points(cells, line)
-            found[:, place] = _numbers(path, cells, form.names[index], line)
-        blocks.append(found)
+            block_values[:, place] = _numbers(path, cells, form.names[index], line)
+        blocks.append(block_values)
         count += len(block)
         _refuse_many(path, count * len(where))
     return np.concatenate(blocks)
@@ -182,19 +182,19 @@ def npy_columns(path: Path, wanted: Sequence[str]) -> NDArray[np.float64]:
             # Names are numbers here: nothing is listed, however many columns a head speaks of.
             where = [_number_of(path, name, columns) for name in wanted]
             _refuse_many(path, rows * len(where))
-            found = np.empty((rows, len(where)))
+            values = np.empty((rows, len(where)))
             if by_columns:
                 for place, index in enumerate(where):
                     file.seek(start + index * rows * dtype.itemsize)
-                    found[:, place] = np.frombuffer(file.read(rows * dtype.itemsize), dtype)
-                return found
+                    values[:, place] = np.frombuffer(file.read(rows * dtype.itemsize), dtype)
+                return values
             file.seek(start)
             step = max(1, _BLOCK_BYTES // max(1, columns * dtype.itemsize))
             for row in range(0, rows, step):
                 count = min(step, rows - row)
                 block = np.frombuffer(file.read(count * columns * dtype.itemsize), dtype)
-                found[row : row + count] = block.reshape(count, columns)[:, where]
-            return found
+                values[row : row + count] = block.reshape(count, columns)[:, where]
+            return values
     except BadFile as error:
         raise BadTable(
             "a .npy file of numbers", f"{path}: {error.got}", "write it again"

@@ -192,9 +192,9 @@ def read_table(
     if ending.endswith(".npy"):
         if time.column is not None:
             refuse_stamps(time.column, str(path))
-        found = TextColumns(values=npy_columns(path, wanted), first_line=1)
+        text = TextColumns(values=npy_columns(path, wanted), first_line=1)
     elif ending.endswith(TEXT_ENDINGS):
-        found = text_columns(path, wanted, stamps, but)
+        text = text_columns(path, wanted, stamps, but)
     else:
         raise BadTable(
             "a .csv, .tsv, .txt or .dat file, packed as .gz or not, .npy, .npz, .mat, .h5 or .hdf5",
@@ -202,7 +202,7 @@ def read_table(
             "save it as one of them, or name a function of yours that reads it, as "
             "module.py:function, in the column 'layout'",
         )  # fmt: skip
-    cells, first_line = found.values, found.first_line
+    cells, first_line = text.values, text.first_line
     values = cells[:, : len(columns)]
     check_values(path, values, [column.name for column in columns], missing, first_line)
     return Table(
@@ -210,10 +210,10 @@ def read_table(
         time_s=_time_s(path, cells, time, None if in_trials else first_line),
         names=tuple(column.name for column in columns),
         units=tuple(column.unit for column in columns),
-        number_header=found.number_header,
-        decimal_comma=found.decimal_comma,
-        one_more=found.one_more,
-        passed_over=found.passed_over,
+        number_header=text.number_header,
+        decimal_comma=text.decimal_comma,
+        one_more=text.one_more,
+        passed_over=text.passed_over,
     )
 
 

@@ -30,12 +30,12 @@ def list_boards(by_id: Path = _BY_ID) -> list[dict[str, Any]]:
     except ModuleNotFoundError as error:
         raise MissingExtra("pyserial", "serial", "finding boards") from error
     stable = _links(by_id)
-    found = []
+    boards = []
     for port in list_ports.comports():
         if port.vid is None:
             continue
         name = stable.get(os.path.realpath(port.device), "")
-        found.append(
+        boards.append(
             {
                 "path": port.device,
                 "by_id": name,
@@ -45,7 +45,7 @@ def list_boards(by_id: Path = _BY_ID) -> list[dict[str, Any]]:
                 "address": f"serial://{name or port.device}",
             }
         )
-    return sorted(found, key=lambda board: str(board["path"]))
+    return sorted(boards, key=lambda board: str(board["path"]))
 
 
 def _links(by_id: Path) -> dict[str, str]:

@@ -219,16 +219,16 @@ def measure(
                 f"{seen} within {within_s:g} s",
                 "check its cable, or try a smaller size",
             )
-        found = capture.next(_LOOK_S)
-        if found is None or found.damaged or not whole_jpeg(found.data):
+        buffer = capture.next(_LOOK_S)
+        if buffer is None or buffer.damaged or not whole_jpeg(buffer.data):
             continue
         seen += 1
         if seen <= _SETTLE:
-            last = found.data
+            last = buffer.data
             continue
-        images += bool(stamps) and found.data != last
-        stamps.append(found.device_s)
-        last = found.data
+        images += bool(stamps) and buffer.data != last
+        stamps.append(buffer.device_s)
+        last = buffer.data
     span_s = stamps[-1] - stamps[0]
     if span_s <= 0:
         raise BadSource(f"stamps that rise from {path}", "equal ones", "report this driver")

@@ -141,20 +141,20 @@ def find_axes(
         BadTable: None or several are possible.
     """
     shape = shapes[0]
-    found = _all_readings(shapes, trials, channels, many=many)
+    possible = _all_readings(shapes, trials, channels, many=many)
     single = (
         _all_readings(shapes, None, channels, many=False)
-        if one_label and many and trials is None and len(found) != 1
+        if one_label and many and trials is None and len(possible) != 1
         else []
     )
-    if len(found) == 1 or (not found and len(single) == 1):
-        return (found or single)[0]
+    if len(possible) == 1 or (not possible and len(single) == 1):
+        return (possible or single)[0]
     if single:
         readings = f"{_or(single, shape)} if the file is one trial, as its one label suggests"
-        if found:
-            readings += f"; {_or(found[:2], shape)} if it holds many"
+        if possible:
+            readings += f"; {_or(possible[:2], shape)} if it holds many"
         raise _several(what, shape, readings)
-    if not found:
+    if not possible:
         labels = f", with labels of {trials} trials" if trials is not None and many else ""
         raise BadTable(
             f"{'trials, ' if many else ''}rows and channels in {what}",
@@ -162,7 +162,7 @@ def find_axes(
             "say in the column 'axes' what its axes are, as in 'trials rows channels'",
         )
     # The two of most sense first: the trials outermost, as NumPy's users write them.
-    raise _several(what, shape, _or(found[:2], shape))
+    raise _several(what, shape, _or(possible[:2], shape))
 
 
 def _or(found: Sequence[Axes], shape: Sequence[int]) -> str:

@@ -36,32 +36,36 @@ def channel_counts(columns: Sequence[Column], with_time: bool) -> range:
 
 
 def take_channels(
-    columns: Sequence[Column], own: Sequence[str], time: str, where: str
+    columns: Sequence[Column], names_in_file: Sequence[str], time: str, where: str
 ) -> tuple[list[int], list[Column], int | None]:
     """Return which of an array's channels are wanted, what they are called, and which is time.
 
     Args:
         columns: The table's column `channels`.
-        own: What the array calls its channels.
+        names_in_file: What the array calls its channels.
         time: The channel that holds time, by the array's name; or empty.
         where: Table and line, for messages.
 
     Raises:
         BadTable: A name is none of the array's, or there are too many or too few.
     """
-    places = {name: place for place, name in enumerate(own)}
+    places = {name: place for place, name in enumerate(names_in_file)}
     if time and time not in places:
-        raise _no_channels([time], own, where)
+        raise _no_channels([time], names_in_file, where)
     time_place = places.get(time) if time else None
-    rest = [place for place in range(len(own)) if place != time_place]
+    rest = [place for place in range(len(names_in_file)) if place != time_place]
     names = [column.name for column in columns]
     if names == [ALL]:
-        return rest, [Column(name=own[at], unit=columns[0].unit) for at in rest], time_place
+        return (
+            rest,
+            [Column(name=names_in_file[at], unit=columns[0].unit) for at in rest],
+            time_place,
+        )
     if all(name in places for name in names):
         return [places[name] for name in names], list(columns), time_place
     if len(names) == len(rest) and not any(n in places or n.isdecimal() for n in names):
         return rest, list(columns), time_place
-    raise _no_channels([name for name in names if name not in places], own, where)
+    raise _no_channels([name for name in names if name not in places], names_in_file, where)
 
 
 def _no_channels(odd: Sequence[str], own: Sequence[str], where: str) -> BadTable:
