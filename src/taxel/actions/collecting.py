@@ -96,21 +96,21 @@ def collect_grasp(
     recorder = Recorder(folder / trial.file_name, manifest, overwrite=True)
     try:
         scans = _run(source, driver, cycle, recorder, currents, stopped)
-        kept = bool(cycle.touched) and cycle.done
-        if kept:  # currents first: a grasp whose file is there counts as done
+        grasp_counts = bool(cycle.touched) and cycle.done
+        if grasp_counts:  # currents first: a grasp whose file is there counts as done
             start_s = min(cycle.touched.values()) - BEFORE_S
             recorder.mark(Mark(start_s=start_s, end_s=cycle.ended_s, labels={}))
             write_currents(folder / CURRENTS / trial.file_name, currents.time_s, currents.values)
     except BaseException:
         recorder.discard()
         raise
-    if kept:
+    if grasp_counts:
         recorder.close("cleanly")
     else:
         recorder.discard()
     return CollectedGrasp(
         trial=trial,
-        touched=tuple(sorted(finger + 1 for finger in cycle.touched)) if kept else (),
+        touched=tuple(sorted(finger + 1 for finger in cycle.touched)) if grasp_counts else (),
         seconds=cycle.ended_s - cycle.started_s,
         scans=scans,
         largest_ma=max((abs(ma) for row in currents.values for ma in row), default=0),

@@ -236,36 +236,36 @@ def _contract(data: Any) -> Contract:
     if isinstance(data, dict):  # what bundles of before lack
         data = {field.name: field.default for field in fields(Contract)
                 if field.default is not MISSING} | data  # fmt: skip
-    given = Fields(data, "the contract")
-    if given.any("format") != FORMAT:
+    entries = Fields(data, "the contract")
+    if entries.any("format") != FORMAT:
         raise ValueError("another format")
-    given.only({field.name for field in fields(Contract)} | {"format"})
-    classes, channels = given.texts("classes"), given.texts("channels")
-    units, n = given.texts("units"), len(channels)
+    entries.only({field.name for field in fields(Contract)} | {"format"})
+    classes, channels = entries.texts("classes"), entries.texts("channels")
+    units, n = entries.texts("units"), len(channels)
     if not classes or len(set(classes)) < len(classes):
         raise ValueError("the classes are none, or one comes twice")
     if not channels or len(set(channels)) < n or len(units) != n:
         raise ValueError(f"{n} channels, of which one comes twice, with {len(units)} units")
     return Contract(
-        target=given.text("target"),
+        target=entries.text("target"),
         classes=classes,
-        window=record_of(WindowConfig, _window(given.any("window"))),
-        scaling=_scaling(given.fields("scaling"), n),
+        window=record_of(WindowConfig, _window(entries.any("window"))),
+        scaling=_scaling(entries.fields("scaling"), n),
         channels=channels,
         units=units,
-        rate_hz=given.number("rate_hz", 0.0),
-        model=given.text("model"),
-        parameters=given.count("parameters", 0, 2**53),
-        data_digest=given.text("data_digest"),
-        accuracy=given.numbers("accuracy"),
-        software=given.text("software"),
-        parity=given.number("parity") if "parity" in given else None,
-        reference=_reference(given.fields("reference"), n) if "reference" in given else None,
-        unknown=_unknown(given.any("unknown"), n) if "unknown" in given else None,
-        learned=given.texts("learned") if given.any("learned") != () else (),
-        joining=_joining(given.any("joining")),
-        motion=motion_from_json(given.fields("motion"), n) if "motion" in given else None,
-        trial_windows=given.count("trial_windows", 0, 2**31),
+        rate_hz=entries.number("rate_hz", 0.0),
+        model=entries.text("model"),
+        parameters=entries.count("parameters", 0, 2**53),
+        data_digest=entries.text("data_digest"),
+        accuracy=entries.numbers("accuracy"),
+        software=entries.text("software"),
+        parity=entries.number("parity") if "parity" in entries else None,
+        reference=_reference(entries.fields("reference"), n) if "reference" in entries else None,
+        unknown=_unknown(entries.any("unknown"), n) if "unknown" in entries else None,
+        learned=entries.texts("learned") if entries.any("learned") != () else (),
+        joining=_joining(entries.any("joining")),
+        motion=motion_from_json(entries.fields("motion"), n) if "motion" in entries else None,
+        trial_windows=entries.count("trial_windows", 0, 2**31),
     )
 
 

@@ -117,10 +117,10 @@ class GraspContract:
                 f"a source with {self.cameras} tactile cameras", f"one with {len(feel)}",
                 "choose a source such as sim://cup-pour, or train on recordings of yours",
             )  # fmt: skip
-        given = tuple(camera.name for camera in cameras)
-        if given != self.names and sorted(given) == sorted(self.names):
+        camera_names = tuple(camera.name for camera in cameras)
+        if camera_names != self.names and sorted(camera_names) == sorted(self.names):
             raise BadBundle(
-                f"the cameras in the order {', '.join(self.names)}", ", ".join(given),
+                f"the cameras in the order {', '.join(self.names)}", ", ".join(camera_names),
                 "name them to the source in that order",
             )  # fmt: skip
         for camera in cameras:
@@ -290,45 +290,45 @@ def contract_from_json(text: str | bytes) -> GraspContract:
         raise _another(str(error)) from error
 
 
-def _contract(given: Fields) -> GraspContract:
-    if given.any("format") != FORMAT or given.any("kind") != "grasp":
+def _contract(entries: Fields) -> GraspContract:
+    if entries.any("format") != FORMAT or entries.any("kind") != "grasp":
         raise ValueError("another format or kind")
-    lacking = set() if "names" in given else {"names"}  # bundles before them
+    lacking = set() if "names" in entries else {"names"}  # bundles before them
     known = {field.name for field in fields(GraspContract)} - lacking
-    given.only(known | {"format", "kind"})
-    stability = given.any("stability")
+    entries.only(known | {"format", "kind"})
+    stability = entries.any("stability")
     if isinstance(stability, dict) and stability.get("frozen_s", 0.0) is None:
         stability = stability | {"frozen_s": math.inf}
-    first, last = given.array("settle", (2,)).tolist()
+    first, last = entries.array("settle", (2,)).tolist()
     if not 0 <= first < last <= _MOST_FRAMES or first % 1 or last % 1:
         raise ValueError("settle is not the first and last of some frames")
-    cameras = given.count("cameras", 1, _MOST_CAMERAS)
-    features = given.text("features")
+    cameras = entries.count("cameras", 1, _MOST_CAMERAS)
+    features = entries.text("features")
     rows, columns = (1, SLIP_COLUMNS[features]) if features in SLIP_COLUMNS else (cameras, None)
-    offset, factor = (given.array(name, (rows, columns)) for name in ("offset", "factor"))
+    offset, factor = (entries.array(name, (rows, columns)) for name in ("offset", "factor"))
     if offset.shape != factor.shape:
         raise ValueError("offset and factor differ in length")
-    tare: Tare = given.choice("tare", get_args(Tare))  # type: ignore[assignment]
+    tare: Tare = entries.choice("tare", get_args(Tare))  # type: ignore[assignment]
     return GraspContract(
         features=features,
-        weights=given.text("weights"),
-        head=given.text("head"),
-        frames=given.count("frames", 1, _MOST_FRAMES),
+        weights=entries.text("weights"),
+        head=entries.text("head"),
+        frames=entries.count("frames", 1, _MOST_FRAMES),
         tare=tare,
         settle=(int(first), int(last)),
         cameras=cameras,
-        width=given.count("width", 1, _LARGEST_SIDE),
-        height=given.count("height", 1, _LARGEST_SIDE),
-        rate_hz=given.number("rate_hz", 0.001, 1e6),
-        rule=given.text("rule"),
+        width=entries.count("width", 1, _LARGEST_SIDE),
+        height=entries.count("height", 1, _LARGEST_SIDE),
+        rate_hz=entries.number("rate_hz", 0.001, 1e6),
+        rule=entries.text("rule"),
         offset=tuple(map(tuple, offset.tolist())),
         factor=tuple(map(tuple, factor.tolist())),
         stability=record_of(StabilityConfig, stability, finite=False),
-        parameters=given.count("parameters", 0, 2**53),
-        data_digest=given.text("data_digest"),
-        measured=given.numbers("measured"),
-        software=given.text("software"),
-        names=given.texts("names") if "names" in given else (),
+        parameters=entries.count("parameters", 0, 2**53),
+        data_digest=entries.text("data_digest"),
+        measured=entries.numbers("measured"),
+        software=entries.text("software"),
+        names=entries.texts("names") if "names" in entries else (),
     )
 
 

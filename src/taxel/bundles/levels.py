@@ -72,16 +72,16 @@ def measure_level(path: Path, contract: Contract, *, count: int | None = None) -
         )  # fmt: skip
     dataset = load_dataset(path, replace(contract.window, reference=None))
     contract.check_sensor(dataset.sensor)
-    wanted = parse_reference(contract.reference.touches)
-    named = [wanted.key in {**trial.groups, **trial.labels} for trial in dataset.trials]
+    reference = parse_reference(contract.reference.touches)
+    named = [reference.key in {**trial.groups, **trial.labels} for trial in dataset.trials]
     chosen = [
-        i for i, trial in enumerate(dataset.trials) if not any(named) or wanted.matches(trial)
+        i for i, trial in enumerate(dataset.trials) if not any(named) or reference.matches(trial)
     ]
     chosen = sorted(chosen, key=lambda i: (dataset.trials[i].recording, dataset.trials[i].start_s))
     chosen = chosen[:count]
     if not chosen:
         raise BadDataset(
-            f"touches of {wanted.key}={wanted.value} in {path}", "other objects only",
+            f"touches of {reference.key}={reference.value} in {path}", "other objects only",
             "touch the known object a few times, or record it alone without labels",
         )  # fmt: skip
     used = np.isin(dataset.trial, chosen)

@@ -73,28 +73,30 @@ def load_by_session(path: Path, contract: Contract, touches: TouchLevel) -> Data
     assert contract.reference is not None
     dataset = load_dataset(path, replace(contract.window, reference=None))
     contract.check_sensor(dataset.sensor)
-    wanted = parse_reference(contract.window.reference)
+    reference = parse_reference(contract.window.reference)
     trials = dataset.trials
     named = all("session" in trial.groups for trial in trials)
     session = dataset.group("session" if named else "recording")
     held = Counter(
-        name for name, trial in zip(session, trials, strict=True) if wanted.matches(trial)
+        name for name, trial in zip(session, trials, strict=True) if reference.matches(trial)
     )
     for name in sorted(set(session)):
-        if held[name] < wanted.count and named and name not in touches.sessions:
+        if held[name] < reference.count and named and name not in touches.sessions:
             raise BadDataset(
-                f"{wanted.count} touches of {wanted.key}={wanted.value} in each session but that "
-                f"of --touches ({', '.join(sorted(touches.sessions)) or 'which name none'})",
+                f"{reference.count} touches of {reference.key}={reference.value} in each session "
+                f"but that of --touches "
+                f"({', '.join(sorted(touches.sessions)) or 'which name none'})",
                 f"{held[name]} in {name}", "leave it out, or give its own touches",
             )  # fmt: skip
-    levelled = np.flatnonzero([held[name] >= wanted.count for name in session])
+    levelled = np.flatnonzero([held[name] >= reference.count for name in session])
     level = np.tile(touches.level, (len(trials), 1))
     used = np.zeros(len(trials), bool)
     there = np.isin(dataset.trial, levelled)
     if len(levelled):
         level[levelled], used[levelled] = session_levels(
             dataset.windows.values[there], dataset.windows.mask[there],
-            np.searchsorted(levelled, dataset.trial[there]), [trials[i] for i in levelled], wanted,
+            np.searchsorted(levelled, dataset.trial[there]), [trials[i] for i in levelled],
+            reference,
         )  # fmt: skip
     factor = to_usual(level, contract.reference.level)
     left = ~used[dataset.trial]

@@ -204,39 +204,39 @@ def contract_from_json(text: str | bytes) -> TrialContract:
         ) from error  # fmt: skip
 
 
-def _contract(given: Fields) -> TrialContract:
-    if given.any("format") != FORMAT or given.any("kind") != "trials":
+def _contract(entries: Fields) -> TrialContract:
+    if entries.any("format") != FORMAT or entries.any("kind") != "trials":
         raise ValueError("another format or kind")
-    given.only({field.name for field in fields(TrialContract)} | {"format", "kind"})
-    views, versions = given.texts("views"), given.texts("versions")
+    entries.only({field.name for field in fields(TrialContract)} | {"format", "kind"})
+    views, versions = entries.texts("views"), entries.texts("versions")
     if not views or set(views) - set(FAMILIES):
         raise ValueError("views that this version of taxel does not know")
     if versions != tuple(FAMILIES[name].key for name in views):
         raise ValueError("views of another version of taxel")
-    classes = given.texts("classes")
+    classes = entries.texts("classes")
     if not 2 <= len(set(classes)) == len(classes) <= _MOST_CLASSES:
         raise ValueError("classes that are not two or more different names")
-    places = given.count("places", 1, len(PLACES))
+    places = entries.count("places", 1, len(PLACES))
     if places not in (1, len(PLACES)):
         raise ValueError("places are neither 1 nor 3")
     return TrialContract(
-        target=given.text("target"),
+        target=entries.text("target"),
         classes=classes,
-        crop=given.count("crop", 1, _MOST_FRAMES),
+        crop=entries.count("crop", 1, _MOST_FRAMES),
         places=places,
         views=views,
         versions=versions,
-        cameras=given.count("cameras", 1, _MOST_CAMERAS),
-        width=given.count("width", 1, _LARGEST_SIDE),
-        height=given.count("height", 1, _LARGEST_SIDE),
-        rate_hz=given.number("rate_hz", 0.001, 1e6),
-        mm_per_px=given.number("mm_per_px", 1e-9, 1e3),
-        sharpness=given.number("sharpness", 1e-3, 1e3),
-        threshold=None if given.any("threshold") is None else given.number("threshold", 0.0),
-        data_digest=given.text("data_digest"),
-        measured=given.numbers("measured"),
-        software=given.text("software"),
-        learned=given.texts("learned"),
+        cameras=entries.count("cameras", 1, _MOST_CAMERAS),
+        width=entries.count("width", 1, _LARGEST_SIDE),
+        height=entries.count("height", 1, _LARGEST_SIDE),
+        rate_hz=entries.number("rate_hz", 0.001, 1e6),
+        mm_per_px=entries.number("mm_per_px", 1e-9, 1e3),
+        sharpness=entries.number("sharpness", 1e-3, 1e3),
+        threshold=None if entries.any("threshold") is None else entries.number("threshold", 0.0),
+        data_digest=entries.text("data_digest"),
+        measured=entries.numbers("measured"),
+        software=entries.text("software"),
+        learned=entries.texts("learned"),
     )
 
 

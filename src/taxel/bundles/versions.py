@@ -253,22 +253,24 @@ def roll_back(path: Path, number: int | None = None) -> Version:
         if not former:
             raise BadInput("a former version to go back to", f"none of {path}", "nothing is done")
         number = former[-1].number
-    wanted = history.version(number)
+    target = history.version(number)
     if number == history.current:
-        return wanted
-    kept = kept_path(path, number)
-    if not kept.exists() or digest_of(kept) != wanted.digest:
-        state = "another one" if kept.exists() else "none"
-        raise BadInput(f"version {number} as it was in {kept}", state, "choose another version")
+        return target
+    kept_file = kept_path(path, number)
+    if not kept_file.exists() or digest_of(kept_file) != target.digest:
+        state = "another one" if kept_file.exists() else "none"
+        raise BadInput(
+            f"version {number} as it was in {kept_file}", state, "choose another version"
+        )
     new = new_path(path)
     _clear(new)
     try:
-        shutil.copytree(kept, new) if kept.is_dir() else shutil.copyfile(kept, new)
+        shutil.copytree(kept_file, new) if kept_file.is_dir() else shutil.copyfile(kept_file, new)
     except OSError as error:
         raise _refused(new, error) from error
     history = _with_room(path, history)
     _swap(path, new, history.current, history.versions)
-    return wanted
+    return target
 
 
 def _swap(path: Path, new: Path, number: int, versions: tuple[Version, ...]) -> None:

@@ -125,15 +125,15 @@ def write_corrected(
     calibration.check_fits(sensor, str(source))
     if not len(recording.samples):
         raise BadInput("a recording with scans", f"none in {source}", "record it again")
-    done = correct(
+    corrected = correct(
         recording.samples, sensor, calibration, unit, rate_of(recording.samples, sensor.rate_hz)
     )
-    info = replace(done.info, details={**done.info.details, "raw": source.name})
+    info = replace(corrected.info, details={**corrected.info.details, "raw": source.name})
     manifest = replace(recording.manifest, sensor=info)
     recorder = Recorder(output, manifest, overwrite=overwrite)
     try:
-        for first in range(0, len(done.samples), _AT_ONCE):
-            recorder.write(done.samples[first : first + _AT_ONCE])
+        for first in range(0, len(corrected.samples), _AT_ONCE):
+            recorder.write(corrected.samples[first : first + _AT_ONCE])
             recorder.flush()
         for mark in recording.marks:
             recorder.mark(mark)
@@ -150,9 +150,9 @@ def write_corrected(
         "calibration": calibration.digest,
         "baselines": {
             channel.channel: {"level_v": line.level, "drift_v_per_hour": line.per_hour}
-            for channel, line in zip(calibration.channels, done.baselines, strict=True)
+            for channel, line in zip(calibration.channels, corrected.baselines, strict=True)
         },
-        "borrowed_baselines": list(done.borrowed),
+        "borrowed_baselines": list(corrected.borrowed),
         **recorder.statistics(),
     }
 

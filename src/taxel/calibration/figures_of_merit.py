@@ -63,16 +63,16 @@ def hysteresis(
     """
     off = 100.0 * (volts - curve.volts(force_n)) / float(curve.volts(force_n.max()))
     bands = bands_of(force_n)
-    both = [
+    pairs = [
         (off[(bands == b) & ~rising], off[(bands == b) & rising])
         for b in np.unique(bands)
         if (~rising[bands == b]).any() and rising[bands == b].any()
     ]
-    if not both:
+    if not pairs:
         return Hysteresis(mean_pct=math.nan, low_pct=math.nan, high_pct=math.nan,
                           largest_pct=math.nan)  # fmt: skip
-    gaps = [float(down.mean() - up.mean()) for down, up in both]
-    drawn = sum(_means(down, rng) - _means(up, rng) for down, up in both) / len(both)
+    gaps = [float(down.mean() - up.mean()) for down, up in pairs]
+    drawn = sum(_means(down, rng) - _means(up, rng) for down, up in pairs) / len(pairs)
     low, high = np.percentile(drawn, [2.5, 97.5])
     return Hysteresis(
         mean_pct=float(np.mean(gaps)),
@@ -164,14 +164,14 @@ def uniformity(
         names: One a channel.
         least_share: How far off the median a channel must be to be named, relative.
     """
-    known = np.isfinite(volts) & ~at_least
-    median = float(np.median(volts[known])) if known.any() else math.nan
+    measured = np.isfinite(volts) & ~at_least
+    median = float(np.median(volts[measured])) if measured.any() else math.nan
     far = np.zeros(len(volts), bool)
-    if known.sum() >= 3 and median > 0:
+    if measured.sum() >= 3 and median > 0:
         off = np.abs(volts / median - 1.0)
-        sigma = 1.4826 * float(np.median(off[known]))
-        far = known & (off > max(OUTLIER_SIGMAS * sigma, least_share))
-    like = volts[known & ~far] / median
+        sigma = 1.4826 * float(np.median(off[measured]))
+        far = measured & (off > max(OUTLIER_SIGMAS * sigma, least_share))
+    like = volts[measured & ~far] / median
     return Uniformity(
         at=at,
         volts=tuple(map(float, volts)),

@@ -93,7 +93,7 @@ def record_presses(
         RecordingFailed: The disk refused.
     """
     manifest = Manifest.started_now(source.info, cameras=source.cameras)
-    made = 0
+    marked = 0
     with Recorder(path, manifest, overwrite=overwrite) as recorder:
         with _Listener(source, recorder) as listener:
             say(f"hands off for {REST_S:g} s")
@@ -105,10 +105,10 @@ def record_presses(
                     break
                 if mark.labels:
                     recorder.mark(mark)
-                    made += 1
+                    marked += 1
             _wait(listener, clock, 1.0)  # the rest after the last press
         recorder.close("cleanly")
-    return made
+    return marked
 
 
 class _Listener:

@@ -353,15 +353,15 @@ def run_damage(sent: bytes, faults: int, seed: int = 0) -> DamageResult:
     for place, kind, byte in zip(places.tolist(), kinds.tolist(), extra.tolist(), strict=True):
         at = int(np.searchsorted(ends, place))
         low, high = int(ends[at - 4]), int(ends[min(at + 4, len(ends) - 1)]) + 1
-        whole = sent[low:high]
+        frames = sent[low:high]
         here = place - low
         if kind == 0:
-            damaged = whole[:here] + bytes((whole[here] ^ 1 << byte % 8,)) + whole[here + 1 :]
+            damaged = frames[:here] + bytes((frames[here] ^ 1 << byte % 8,)) + frames[here + 1 :]
         elif kind == 1:
-            damaged = whole[:here] + whole[here + 1 :]
+            damaged = frames[:here] + frames[here + 1 :]
         else:
-            damaged = whole[:here] + bytes((byte,)) + whole[here:]
-        before, after = FrameDecoder().feed(whole), FrameDecoder().feed(damaged)
+            damaged = frames[:here] + bytes((byte,)) + frames[here:]
+        before, after = FrameDecoder().feed(frames), FrameDecoder().feed(damaged)
         new = [payload for payload in after if payload not in before]
         gone = sum(payload not in after for payload in before)
         most, lost, invented = max(most, gone), lost + gone, invented + len(new)

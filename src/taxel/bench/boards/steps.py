@@ -94,23 +94,23 @@ def data_digest(_: Path | None) -> str:
 
 def chain_rows(firmware: Firmware, seconds: float) -> list[Row]:
     """Run three boards to the recording, then damage what they sent."""
-    done = run_chain(firmware, seconds, PPM)
+    chain = run_chain(firmware, seconds, PPM)
     name = f"3 boards x 4 channels x 1 kHz, {seconds:g} s"
-    lost = sum(board["lost"] + board["late"] + board["dropped"] for board in done.boards)
-    bad = sum(sum(board["bad"].values()) for board in done.boards)
-    moved = sum(board["repeated"] + board["skipped"] for board in done.boards)
+    lost = sum(board["lost"] + board["late"] + board["dropped"] for board in chain.boards)
+    bad = sum(sum(board["bad"].values()) for board in chain.boards)
+    moved = sum(board["repeated"] + board["skipped"] for board in chain.boards)
     rows = [
         row(f"{name}: frames lost", lost + bad, "frames", "<=", 0.0,
-            f"{done.frames} frames of {done.scans} scans; firmware, UART, port, serial://"),
+            f"{chain.frames} frames of {chain.scans} scans; firmware, UART, port, serial://"),
         row(f"{name}: converter values in frames that differ from the waveform",
-            done.wrong_values, "values", "<=", 0.0, f"{done.frame_values} values"),
-        row(f"{name}: rows of the recording that are no scan, bit for bit", done.wrong_rows,
-            "rows", "<=", 0.0, f"{done.rows} rows; {moved} scans left out or repeated to keep "
+            chain.wrong_values, "values", "<=", 0.0, f"{chain.frame_values} values"),
+        row(f"{name}: rows of the recording that are no scan, bit for bit", chain.wrong_rows,
+            "rows", "<=", 0.0, f"{chain.rows} rows; {moved} scans left out or repeated to keep "
             f"boards in step whose resonators differ by {PPM[1]:g} and {PPM[2]:g} ppm"),
-        row(f"{name}: values missing in the recording", done.missing, "values", "<=", 0.0),
-        _clock_row(name, done),
+        row(f"{name}: values missing in the recording", chain.missing, "values", "<=", 0.0),
+        _clock_row(name, chain),
     ]  # fmt: skip
-    damage = run_damage(done.sent, _FAULTS)
+    damage = run_damage(chain.sent, _FAULTS)
     faults = f"{damage.faults} single faults: a bit flipped, a byte dropped, a byte put in"
     return [
         *rows,

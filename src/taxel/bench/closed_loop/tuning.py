@@ -239,22 +239,22 @@ def play_alarms(
     """
     bare = replay_loop(track.run, config)
     full = at_full_force(track.run, config) if bare.dropped else bare
-    known: dict[tuple[bool, ...], tuple[LoopTrack, LoopTrack]] = {}
+    runs_by_alarms: dict[tuple[bool, ...], tuple[LoopTrack, LoopTrack]] = {}
     results = []
     for stability in grid:
         decisions = _decisions(track, stability)
         alarms = tuple(decision.alarm for decision in decisions)
         if not any(alarms):
-            known[alarms] = bare, bare
-        elif alarms not in known and bare.dropped:
-            held = _held(track, decisions, config, policy)
-            stop_s = (held.raised_s or np.inf) + PERSON_S
-            known[alarms] = held, replay_loop(track.run, config, stop_pouring_s=stop_s)
-        elif alarms not in known:
+            runs_by_alarms[alarms] = bare, bare
+        elif alarms not in runs_by_alarms and bare.dropped:
+            held_run = _held(track, decisions, config, policy)
+            stop_s = (held_run.raised_s or np.inf) + PERSON_S
+            runs_by_alarms[alarms] = held_run, replay_loop(track.run, config, stop_pouring_s=stop_s)
+        elif alarms not in runs_by_alarms:
             first_s = float(track.time_s[alarms.index(True)]) + ARRIVAL_S + config.inference_s
             command = GripCommand(time_s=first_s, force_n=policy.most_n)
-            known[alarms] = replace(bare, commands=(command,)), bare
-        results.append(known[alarms])
+            runs_by_alarms[alarms] = replace(bare, commands=(command,)), bare
+        results.append(runs_by_alarms[alarms])
     return [
         (
             LoopCase(bare=thin(bare), full=thin(full), held=thin(held)),

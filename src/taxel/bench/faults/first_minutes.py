@@ -116,20 +116,20 @@ def first_minutes_rows(seconds: float) -> list[Row]:
     from taxel.views.page.station_page import StationPage, show
 
     how_long = f"{seconds / 60:g} minutes" if seconds >= 60 else f"{seconds:g} s"
-    seen = MinuteSeen()
+    minute = MinuteSeen()
     config = StationConfig(sources=(_URL,), bundles=(shipped_bundle(CUP_POUR),))
-    with Station(config, seen.note) as station:
+    with Station(config, minute.note) as station:
         view = station.view_config()
         station.add_process("page", show, lambda place: StationPage(place=place, view=view))
         stops = Stops(station)
         station.run(seconds, on_tick=stops.look)
     what = f"{how_long} of {_URL} with the page"
-    waits = seen.waits_s or [float("nan")]
+    waits = minute.waits_s or [float("nan")]
     return [
-        *seen.rows(what),
+        *minute.rows(what),
         stops.row(f"{what}: STOP shown without a cause"),
         Row(name=f"{what}: a grasp's first frame to its first state", value=float(np.median(waits)),
             unit="s", goal="", ok=None,
-            note=f"median of {len(seen.waits_s)}, longest {max(waits):.2f} s: UNKNOWN, and says "
+            note=f"median of {len(minute.waits_s)}, longest {max(waits):.2f} s: UNKNOWN, and says "
                  "what is left"),
     ]  # fmt: skip

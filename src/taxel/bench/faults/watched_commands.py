@@ -68,12 +68,12 @@ def run_alone(
     program = f"{main}\nfrom taxel.bench.faults.watched_commands import once\nonce(main)"
     began_s = time.monotonic()
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-c", program, str(write), *words], cwd=where, capture_output=True,
             text=True, timeout=deadline_s, check=False, stdin=subprocess.DEVNULL,
             pass_fds=(write,), errors="backslashreplace",
         )  # fmt: skip
-        code, out, err = done.returncode, done.stdout, done.stderr
+        code, out, err = process.returncode, process.stdout, process.stderr
     except subprocess.TimeoutExpired:
         os.close(read)
         return Ended(code=None, out="", err="", seconds=deadline_s, memory_mb=math.nan)

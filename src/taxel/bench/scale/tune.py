@@ -32,7 +32,7 @@ def search_rows() -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         folder = Path(scratch)
         simulate_presets(folder, ("honest",), _SCANS, 1)
-        whole = _run(folder, "whole")
+        uninterrupted = _run(folder, "whole")
         process = subprocess.Popen(
             _words(folder, "broken"), env=_environment(), stdout=subprocess.DEVNULL
         )
@@ -42,10 +42,12 @@ def search_rows() -> list[Row]:
         done = _count(folder / "broken.tune.db", "COMPLETE", "PRUNED")
         again = _run(folder, "broken")
         lost = _count(folder / "broken.tune.db", "FAIL")
-    same = all(again[key] == whole[key] for key in ("settings", "outer_accuracy", "inner_accuracy"))
-    trivial = max(whole["trivial"].values())
-    inner, outer = whole["inner_accuracy"], whole["outer_accuracy"]
-    as_is = whole["outer_as_is"]["scores"]["accuracy"]
+    same = all(
+        again[key] == uninterrupted[key] for key in ("settings", "outer_accuracy", "inner_accuracy")
+    )
+    trivial = max(uninterrupted["trivial"].values())
+    inner, outer = uninterrupted["inner_accuracy"], uninterrupted["outer_accuracy"]
+    as_is = uninterrupted["outer_as_is"]["scores"]["accuracy"]
     note = (
         f"killed with {done} trials finished; settings and scores afterwards "
         f"{'equal' if same else 'unlike'} those of an unbroken search"

@@ -60,11 +60,11 @@ def soak_rows(seconds: float, settled_s: float) -> list[Row]:
 
     how_long = f"{seconds / 60:g} minutes" if seconds >= 60 else f"{seconds:g} s"
     memory: list[tuple[float, dict[str, float]]] = []
-    seen = MinuteSeen()
+    minute = MinuteSeen()
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         bundles = (shipped_bundle(CUP_POUR), _hand_bundle(Path(scratch)))
         config = StationConfig(sources=_SOURCES, bundles=bundles)
-        with Station(config, seen.note) as station:
+        with Station(config, minute.note) as station:
             view = station.view_config()
             station.add_process("page", show, lambda place: StationPage(place=place, view=view))
             station.record(Path(scratch) / "soak.mcap", {})
@@ -87,7 +87,7 @@ def soak_rows(seconds: float, settled_s: float) -> list[Row]:
         _memory_row(memory, settled_s, how_long),
         *_book_rows(ledger, how_long),
         *in_file,
-        *seen.rows(f"{how_long} of both systems"),
+        *minute.rows(f"{how_long} of both systems"),
         stops.row(f"{how_long}: STOP shown without a cause"),
         Row(name=f"{how_long}: sets of frames that the monitor let go, behind", value=skipped,
             unit="sets", goal="", ok=None, note="the newest go first; 60 sets a second come"),

@@ -213,25 +213,27 @@ def _painted(study: _Study, wheel: Path, on_step: Callable[[str], None]) -> list
     started = process_time()
     paint(generator, np.zeros((2, 120, 160), np.float32))
     spent_s = (process_time() - started) / 2
-    kept = _one_of_each(trials)
+    chosen_trials = _one_of_each(trials)
     images = painted_rows(
-        generator, [trials[at] for at in kept], MIDDLE_CROP, study.encoder, study.cache,
+        generator, [trials[at] for at in chosen_trials], MIDDLE_CROP, study.encoder, study.cache,
         lambda done, of: on_step(f"painting {done}/{of}"),
     )  # fmt: skip
-    y = np.array([trials[at].slipped for at in kept]).astype(np.intp)
-    cups = np.array([trials[at].cup for at in kept])
+    y = np.array([trials[at].slipped for at in chosen_trials]).astype(np.intp)
+    cups = np.array([trials[at].cup for at in chosen_trials])
     rows = []
     for feature, painted in images.items():
         own = study.domains(feature)
-        ours = own.simulated.rows.reshape(len(trials), -1, painted.shape[1])[kept, MIDDLE_CROP]
+        ours = own.simulated.rows.reshape(len(trials), -1, painted.shape[1])[
+            chosen_trials, MIDDLE_CROP
+        ]
         sets = {"our images": _learning(ours, y, cups), "CycleGAN": _learning(painted, y, cups)}
         for objects, beside in ((0, "alone"), (None, "and all real training objects")):
             probabilities = {
                 name: transfer(learning, own.real, probed.split, objects)
                 for name, learning in sets.items()
             }
-            what = f"{feature}, {len(kept)} simulated crops {beside}"
-            note = f"{2 * 8 * len(kept)} images, {spent_s:.2f} s of the processor each"
+            what = f"{feature}, {len(chosen_trials)} simulated crops {beside}"
+            note = f"{2 * 8 * len(chosen_trials)} images, {spent_s:.2f} s of the processor each"
             rows += [
                 _row(probed, f"{what}, our images", probabilities["our images"], ""),
                 _row(probed, f"{what}, CycleGAN", probabilities["CycleGAN"], note,

@@ -135,17 +135,17 @@ def run_on_board(
         _compile(["gcc", "-O2", "-isystem", str(_SIMAVR), "-o", str(emulator),
                   str(HARNESS / "run_windows.c"), "-lsimavr", "-lelf"])  # fmt: skip
         sizes = _compile(["avr-size", str(elf)]).splitlines()[1].split()
-        done = subprocess.run(
+        process = subprocess.run(
             [emulator, elf, str(counts[0].size), str(classes)],
             input=counts.astype("<u2").tobytes(), capture_output=True, check=False,
             timeout=_LONGEST_S,
         )  # fmt: skip
-    lines = [line.split() for line in done.stdout.decode().splitlines()]
+    lines = [line.split() for line in process.stdout.decode().splitlines()]
     rows = [line for line in lines if len(line) == 4 + classes and line[0].isdigit()]
-    if done.returncode or len(rows) != len(counts):
+    if process.returncode or len(rows) != len(counts):
         raise BadInput(
             f"answers for {len(counts)} windows from the emulator",
-            f"{len(rows)} ({done.stderr.decode().strip()[-200:]})", "report this as a fault",
+            f"{len(rows)} ({process.stderr.decode().strip()[-200:]})", "report this as a fault",
         )  # fmt: skip
     every = np.array(rows, np.int64)
     text, data, bss = (int(size) for size in sizes[:3])

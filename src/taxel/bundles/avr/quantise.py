@@ -106,32 +106,32 @@ def _peak(values: Floats) -> float:
     return float(values.max()) or 1.0
 
 
-def _layer(weights: Floats, biases: Floats, given: float, peak: float) -> tuple[Layer, float]:
+def _layer(weights: Floats, biases: Floats, input_scale: float, peak: float) -> tuple[Layer, float]:
     """Return a layer in integers and its result's scale.
 
     Args:
         weights: Shape (filters, …).
         biases: Shape (filters,).
-        given: What a 1 of its inputs stands for.
+        input_scale: What a 1 of its inputs stands for.
         peak: Its largest result over the training windows.
     """
     flat = weights.reshape(len(weights), -1).astype(np.float64)
     bias = biases.astype(np.float64)
-    scales = np.maximum(np.abs(flat).max(axis=1) / 127, np.abs(bias) / (given * _BIAS_SHARE))
+    scales = np.maximum(np.abs(flat).max(axis=1) / 127, np.abs(bias) / (input_scale * _BIAS_SHARE))
     scales = np.maximum(scales, max(float(scales.max()), 1e-9) * 2.0**-8)
     # 2^-7 is the most that a multiplier of 16 bits can be worth.
-    result = max(peak / _TOP, float(scales.max()) * given * 2**7 * 1.0001)
-    ratio = scales * given / result
+    output_scale = max(peak / _TOP, float(scales.max()) * input_scale * 2**7 * 1.0001)
+    ratio = scales * input_scale / output_scale
     shifts = np.array([_shift(factor) for factor in ratio], np.uint8)
     multipliers = np.floor(ratio * 2.0 ** (shifts.astype(np.float64) + SHIFT) + 0.5)
-    whole = np.rint(bias / (given * scales) + 0.5 / ratio)
+    whole = np.rint(bias / (input_scale * scales) + 0.5 / ratio)
     layer = Layer(
         weights=np.rint(flat / scales[:, None]).astype(np.int8),
         biases=whole.astype(np.int32),
         multipliers=np.minimum(multipliers, 0xFFFF).astype(np.uint16),
         shifts=shifts,
     )
-    return layer, result
+    return layer, output_scale
 
 
 def _shift(ratio: float) -> int:

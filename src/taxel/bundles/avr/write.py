@@ -137,11 +137,11 @@ def write_avr(
     contract = opened.contract
     rows, columns = contract.window.steps, len(contract.channels)
     network = read_network(model_of(bundle), rows, columns)
-    known = load_at_level(calibration, contract)
-    converter = Converter(reference_mv=reference_mv or reference_of(known.sensor))
-    window = board_window(contract, converter, known.sensor.full_scale)
-    integers = quantise(network, contract.scaling, converter, known.windows.values)
-    check = converter.counts(known.windows.values[_clearest(opened, known)])
+    dataset = load_at_level(calibration, contract)
+    converter = Converter(reference_mv=reference_mv or reference_of(dataset.sensor))
+    window = board_window(contract, converter, dataset.sensor.full_scale)
+    integers = quantise(network, contract.scaling, converter, dataset.windows.values)
+    check = converter.counts(dataset.windows.values[_clearest(opened, dataset)])
     files = write_c(output, integers, window, converter, contract, check)
     tested = load_at_level(test or calibration, contract, target=contract.target)
     report = _report(opened, network, integers, converter, tested, files)
@@ -219,7 +219,7 @@ def _report(
     missing = without_board()
     folder = files[0].parent
     board = None if missing else run_on_board(folder, counts[:_EMULATED], len(contract.classes))
-    wanted = run_integers(integers, quantise_counts(integers, counts[:_EMULATED]))
+    emulated = run_integers(integers, quantise_counts(integers, counts[:_EMULATED]))
     return AvrReport(
         folder=str(folder),
         files=tuple(file.name for file in files),
@@ -237,7 +237,7 @@ def _report(
         ram_bytes=board.ram_bytes if board else None,
         clocks=int(board.clocks.max()) if board else None,
         milliseconds=board.milliseconds if board else None,
-        bit_exact=bool(equal_windows(board.answers, wanted).all()) if board else None,
+        bit_exact=bool(equal_windows(board.answers, emulated).all()) if board else None,
         unmeasured=missing,
         left_out=left_out(contract),
     )
