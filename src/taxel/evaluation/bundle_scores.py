@@ -177,7 +177,7 @@ def _scores(
     unknown = answers == UNKNOWN
     key = coarsest_group(dataset.trials, split or "")
     loss, error = _calibration(contract.classes, truth[trial], decisions)
-    seen = {fingerprint_of(own): name for name, own in dataset.fingerprints.items()}
+    names = {fingerprint_of(own): name for name, own in dataset.fingerprints.items()}
     return BundleScores(
         target=contract.target,
         classes=contract.classes,
@@ -202,7 +202,7 @@ def _scores(
         parts=score_parts(dataset.trials, contract.target, trial, right, numbers,
                           votes == right_answer),
         confusion=_confusion(truth[trial], answers),
-        learned_from=tuple(sorted(seen[own] for own in contract.learned if own in seen)),
+        learned_from=tuple(sorted(names[own] for own in contract.learned if own in names)),
         learned_is_known=bool(contract.learned),
         notes=(*dataset.notes, *_still_notes(contract, dataset)),
     )  # fmt: skip

@@ -92,11 +92,14 @@ def check_recipe(
     dataset, split = opened.dataset, opened.split
     depends_on = {"recipe": asdict(recipe), "folds": folds, "data": dataset.digest,
                   "sides": sides_of(split)}  # fmt: skip
-    kept = KeptFolds(keep.folder, depends_on, dataset, recipe.target, fresh=keep.fresh)
-    library = kept
+    stored_folds = KeptFolds(keep.folder, depends_on, dataset, recipe.target, fresh=keep.fresh)
+    library = stored_folds
     if keep.cache is not None:
         library = _cached(keep.cache, recipe, folds, dataset, split, fresh=keep.fresh)
-    models = {recipe.model: kept, **{name: library for name in bars if name != recipe.model}}
+    models = {
+        recipe.model: stored_folds,
+        **{name: library for name in bars if name != recipe.model},
+    }
     fitted = _fit_folds(opened, source, models, on_step)
     results = fitted.pop(recipe.model)
     beside = {name: pool(dataset, split, own, recipe.target) for name, own in fitted.items()}
@@ -109,8 +112,8 @@ def check_recipe(
         trivial=trivial_accuracies(dataset, recipe.target, split.folds),
         predictions=predictions_of(dataset, split, results, recipe.target),
         curves=curves_of(results),
-        kept=kept.used,
-        cached=0 if library is kept else library.used,
+        kept=stored_folds.used,
+        cached=0 if library is stored_folds else library.used,
     )
 
 
@@ -149,24 +152,24 @@ def _fit_folds(
     folds = opened.split.folds
     results = {(model, number): kept.find(model, number, fold)
                for model, kept in models.items() for number, fold in enumerate(folds)}  # fmt: skip
-    left = [place for place, result in results.items() if result is None]
-    names = [f"{model} · {opened.split.name} · {folds[number].name}" for model, number in left]
+    missing = [place for place, result in results.items() if result is None]
+    names = [f"{model} · {opened.split.name} · {folds[number].name}" for model, number in missing]
     if not shared_out():
-        for (model, number), name in zip(left, names, strict=True):
+        for (model, number), name in zip(missing, names, strict=True):
             on_step(name)
             result = fold_of(opened, source.recipe, model, number, watch=True)
             models[model].keep(model, number, result)
             results[model, number] = result
     else:
-        on_step(f"{len(left)} folds side by side")
+        on_step(f"{len(missing)} folds side by side")
         content, source = content_digest(opened.dataset, source.recipe.target), travelling(source)
         jobs = [
             (FoldJob(source=source, content=content, recipe=source.recipe, model=model,
                      number=number, watch=True),)
-            for model, number in left
+            for model, number in missing
         ]  # fmt: skip
         for at, result in as_done(fit_fold, jobs, names=names):
-            model, number = left[at]
+            model, number = missing[at]
             on_step(names[at])
             models[model].keep(model, number, result)
             results[model, number] = result

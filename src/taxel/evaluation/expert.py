@@ -155,13 +155,17 @@ def train_expert(
         return replace(expert, seconds=perf_counter() - started)
     if task.check or task.split.leaves_unseen:
         check_training_parts(base, folds)
-    kept = KeptTries(tries, {"code": code_digest(), "software": environment(), "seed": seed})
+    stored_tries = KeptTries(
+        tries, {"code": code_digest(), "software": environment(), "seed": seed}
+    )
     prepared = prepare_all(base)
     planned = PLANNED * 60.0 * limits.minutes - (perf_counter() - started)
     checked = len(folds.folds) * task.check
     same = checked == 1 and _trains_on(folds, learned)
     budget = Budget(max(0.0, planned), 1 if same else checked + 1)
-    effort = Effort(budget=budget, seed=seed, kept=kept, on_step=on_step, most_us=limits.bare_us)
+    effort = Effort(
+        budget=budget, seed=seed, kept=stored_tries, on_step=on_step, most_us=limits.bare_us
+    )
     on_step(f"choosing on {_PART if same else _ALL}")
     search = choose(base, prepared, learned, _held(base, folds), effort)
 
@@ -177,9 +181,9 @@ def train_expert(
     fitted = fitted or fitted_on(_ALL)
     expert = _within(search, fitted, learned, nested, limits, reject_novel, seed)
     expert = replace(expert, notes=(*expert.notes, *_table_notes(base, folds, task.split)))
-    kept.forget()
+    stored_tries.forget()
     bars_s = 0.0 if nested is None else nested.bars_s
-    return replace(expert, tries_kept=kept.used, seconds=perf_counter() - started - bars_s)
+    return replace(expert, tries_kept=stored_tries.used, seconds=perf_counter() - started - bars_s)
 
 
 def _table_notes(base: Base, folds: Split, split: OuterSplit) -> tuple[str, ...]:

@@ -39,24 +39,24 @@ def first_share(
     if not 0.0 < share < 1.0:
         raise BadSplit("a share between 0% and 100%, such as 70%", repr(text), "correct it")
     numbers = group_numbers(key, values)
-    first = _first(numbers, share)
-    lacking = _lacking(y, first)
+    early = _first(numbers, share)
+    lacking = _lacking(y, early)
     if _apart(numbers, y) and (lacking or _stretches(numbers, y) == len(set(y.tolist()))):
-        first = np.zeros(len(y), bool)
+        early = np.zeros(len(y), bool)
         for own in set(y.tolist()):
-            first[y == own] = _first(numbers[y == own], share)
-        words = f"{key}, first {100 * first.mean():.0f} %, of each class → later"
+            early[y == own] = _first(numbers[y == own], share)
+        words = f"{key}, first {100 * early.mean():.0f} %, of each class → later"
     else:
-        words = f"{key} up to {numbers[first].max():g} ({100 * first.mean():.0f} %) → above"
-    if first.all():
+        words = f"{key} up to {numbers[early].max():g} ({100 * early.mean():.0f} %) → above"
+    if early.all():
         raise BadSplit(f"two or more numbers in the group {key!r}", f"{numbers[0]:g} only",
                        "choose another group")  # fmt: skip
-    if lacking := _lacking(y, first):
+    if lacking := _lacking(y, early):
         raise BadSplit(
             f"each class that is tested among the first {text} by {key!r}",
             f"none of {', '.join(map(str, lacking))}", "choose a larger share, or another group",
         )  # fmt: skip
-    return first, words
+    return early, words
 
 
 def _apart(numbers: NDArray[np.float64], y: NDArray[np.generic]) -> bool:

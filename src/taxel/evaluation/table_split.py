@@ -218,15 +218,15 @@ def trials_of_row(
     there = (*trials, *left_out)
     of_group = any(trial.groups.get(row.key) == row.value for trial in there)
     if not of_group and row.key != "recording":
-        known = sorted({trial.groups[row.key] for trial in there if row.key in trial.groups})
+        group_values = sorted({trial.groups[row.key] for trial in there if row.key in trial.groups})
         mend = "correct it, or leave the row out"
-        if not known and any(row.key in trial.labels for trial in there):
+        if not group_values and any(row.key in trial.labels for trial in there):
             mend = f"{row.key} is a label there: import again with it as group:{row.key}, too"
         elif row.key == "trial":
             mend = "write it so; for numbers of your own, import them as group:trial_number"
         raise BadTable(
             f"a value of the group {row.key!r} in the recordings "
-            f"({_some(known) if known else 'which have no such group'})",
+            f"({_some(group_values) if group_values else 'which have no such group'})",
             f"{row.value!r} in {table.where(row)}", mend,
         )  # fmt: skip
     if not of_group and row.value not in recordings:

@@ -125,13 +125,13 @@ def walk(forests: Sequence[TreesHead], features: Sequence[Tensor]) -> list[Tenso
         leaf.append(forest.leaf + leaves)
         columns, nodes = columns + own.shape[1], nodes + forest.left.shape[0]
         leaves += forest.value.shape[0]
-    seen = torch.cat([own.float() for own in features], dim=1)
+    joined_features = torch.cat([own.float() for own in features], dim=1)
     column_of, next_of = torch.cat(column).long(), torch.cat(after).flatten().long()
     threshold, value = (torch.cat([getattr(f, n) for f in forests]) for n in ("threshold", "value"))
-    place = torch.cat(root).long().unsqueeze(0) + torch.zeros_like(seen[:, :1]).long()
+    place = torch.cat(root).long().unsqueeze(0) + torch.zeros_like(joined_features[:, :1]).long()
     # A leaf points to itself, so that shallow trees wait for deep ones.
     for _ in range(max(int(forest.depth) for forest in forests)):
-        goes_left = torch.gather(seen, 1, column_of[place]) <= threshold[place]
+        goes_left = torch.gather(joined_features, 1, column_of[place]) <= threshold[place]
         place = next_of[2 * place + goes_left]
     found = value[torch.cat(leaf)[place].long()].float()
     trees = [forest.root.shape[0] for forest in forests]

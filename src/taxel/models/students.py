@@ -76,9 +76,9 @@ def begin_student(backbone: str, start: Path | None, seed: int) -> Student:
     """
     module = find_backbone(backbone).build("logits")
     if start is not None:
-        given = find_weights(backbone, start)
-        given.load_into(module)
-        return Student(module, given.words, NEAR)
+        start_weights = find_weights(backbone, start)
+        start_weights.load_into(module)
+        return Student(module, start_weights.words, NEAR)
     relative = RELATIVES.get(backbone, "")
     weights = find_weights(relative) if relative else None
     if weights is not None and weights.label != RANDOM:

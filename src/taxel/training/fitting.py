@@ -126,8 +126,8 @@ def fit_model(
     rows, channels = steps or data.values.shape[1], data.values.shape[2]
     watched = None
     if validation is not None:
-        held, own_y = validation
-        watched = Labelled(scaling.apply(held.values, held.mask), held.mask, own_y)
+        held_out, own_y = validation
+        watched = Labelled(scaling.apply(held_out.values, held_out.mask), held_out.mask, own_y)
     networks: list[nn.Module] = []
     history: list[Epoch] = []
     for member in range(job.members):

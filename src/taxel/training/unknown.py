@@ -75,19 +75,19 @@ def fit_unknown(
     labels = {part: np.array([trial.labels[part] for trial in dataset.trials])[owner]
               for part in parts_of(target, (trial.labels for trial in dataset.trials))}  # fmt: skip
     part = _parts(dataset, target, used)[owner]
-    held: list[tuple[NDArray[np.intp], NDArray[np.float64]]] = []
+    scored: list[tuple[NDArray[np.intp], NDArray[np.float64]]] = []
     for number in np.unique(part):
         rest = part != number
         if not all(set(own[rest]) == set(own) for own in labels.values()):
             continue
         test = NoveltyTest(_fit(values[rest], mask[rest], _of(labels, rest), rejected))
         out = np.flatnonzero(~rest)
-        held.append((out, np.array([test.of_window(values[i][mask[i]]) for i in out])))
+        scored.append((out, np.array([test.of_window(values[i][mask[i]]) for i in out])))
     needed = _least_scores(len(labels), rejected)
-    index = np.concatenate([np.zeros(0, np.intp), *(part for part, _ in held)])
+    index = np.concatenate([np.zeros(0, np.intp), *(part for part, _ in scored)])
     check_enough(len(set(owner[index])), len(labels), rejected)
     order = np.argsort(index)  # windows of a trial come in their order
-    scores = np.concatenate([part for _, part in held])[order]
+    scores = np.concatenate([part for _, part in scored])[order]
     whole = _fit(values, mask, labels, rejected)
     return _calibrated(whole, scores, owner[index[order]], needed)
 

@@ -101,7 +101,7 @@ def read_first(case: Case) -> Reading:
     """Return how well a trial's first row or frame predicts the label."""
     touch = case.touch
     what = "frame" if touch.kind == "camera" else "row"
-    first = _first_evidence(case)
+    first_evidence = _first_evidence(case)
     middle = trial_evidence(case, np.stack([rows[len(rows) // 2] for rows in touch.rows]))
     before = leaves_its_start(touch)
 
@@ -110,7 +110,7 @@ def read_first(case: Case) -> Reading:
             return "clear", f"A trial's first {what} does not predict the label.", ""
         mend = f"take each trial's first {what} from it (tare), hold out sessions, and print a " \
                f"control that sees the first {what} only"  # fmt: skip
-        if first.accuracy >= middle.accuracy + AHEAD:
+        if first_evidence.accuracy >= middle.accuracy + AHEAD:
             return (
                 "leak",
                 f"The first {what} predicts the label better than the middle one "
@@ -118,7 +118,7 @@ def read_first(case: Case) -> Reading:
                 mend,
             )
         still = before and stands_still_first(touch)
-        if still and (why := _not_of_touch(case, first)):
+        if still and (why := _not_of_touch(case, first_evidence)):
             return (
                 "leak",
                 f"The first {what} predicts the label, trials stand still there before anything "
@@ -145,7 +145,7 @@ def read_first(case: Case) -> Reading:
             f"print a control that sees the first {what} only",
         )
 
-    return Reading(kind=UNSURE, evidence=first, decide=decide, mended=lambda: tared(case))
+    return Reading(kind=UNSURE, evidence=first_evidence, decide=decide, mended=lambda: tared(case))
 
 
 def read_level(case: Case) -> Reading:

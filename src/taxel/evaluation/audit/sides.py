@@ -175,8 +175,8 @@ _Piece = tuple[int, int, int, str, float]
 def _pieces_of(touch: TouchSet, row: FoldRow, steps: int, table: FoldTable) -> list[_Piece]:
     where = table.where(row)
     trials = [i for i, trial in enumerate(touch.trials) if trial.groups.get(row.key) == row.value]
-    left = [trial for trial in touch.left_out if trial.groups.get(row.key) == row.value]
-    if not trials and not left:
+    left_out = [trial for trial in touch.left_out if trial.groups.get(row.key) == row.value]
+    if not trials and not left_out:
         what = "a recording" if row.key == "recording" else f"a value of the group {row.key!r}"
         raise BadTable(f"{what} of the folder", f"{row.value!r} in {where}",
                        "correct its name, or leave the row out")  # fmt: skip
@@ -190,7 +190,7 @@ def _pieces_of(touch: TouchSet, row: FoldRow, steps: int, table: FoldTable) -> l
     spans = [
         (min(touch.trials[i].start_s, touch.time_s[i][0]), touch.time_s[i][-1]) for i in trials
     ]
-    spans += [(trial.start_s, trial.end_s) for trial in left]
+    spans += [(trial.start_s, trial.end_s) for trial in left_out]
     place = span_at(row.start_s, spans, _SLACK_S)
     for i in () if place is None or place >= len(trials) else (trials[place],):
         time_s, trial = touch.time_s[i], touch.trials[i]
@@ -204,7 +204,7 @@ def _pieces_of(touch: TouchSet, row: FoldRow, steps: int, table: FoldTable) -> l
             stop = min(first + steps, len(time_s))
         if stop > first:
             return [(i, first, stop, row.view, row.label_s)]
-    if any(trial.start_s - _SLACK_S <= row.start_s <= trial.end_s + _SLACK_S for trial in left):
+    if any(trial.start_s - _SLACK_S <= row.start_s <= trial.end_s + _SLACK_S for trial in left_out):
         return []
     raise BadTable("a stretch within a labelled trial", f"{where}, which lies in none",
                    "give start_s on the recording's own clock, see taxel info")  # fmt: skip

@@ -105,7 +105,7 @@ def _judge(
 ) -> TrialResult:
     learning = trials.learning(contender.rows(trials), split.group, contender.further(trials))
     crops = np.full((len(trials.cut.trial), learning.classes), np.nan)
-    whole = np.full((len(trials.y), learning.classes), np.nan)
+    probabilities = np.full((len(trials.y), learning.classes), np.nan)
     for fold in split.folds:
         label = f"{contender.name}, {fold.name}"
         on_step(label)
@@ -113,8 +113,8 @@ def _judge(
         model.fit(learning.part(fold.train_rows))
         test = learning.part(fold.test_rows)
         crops[np.isin(trials.cut.trial, fold.test_rows)] = model.crops(test.rows)
-        whole[fold.test_rows] = model.trials(test.rows, test.trial)
-    tested = np.flatnonzero(np.isfinite(whole[:, 0]))
+        probabilities[fold.test_rows] = model.trials(test.rows, test.trial)
+    tested = np.flatnonzero(np.isfinite(probabilities[:, 0]))
     groups, places = learning.groups, []
     if trials.layout.places > 1:
         for place in range(trials.layout.places):
@@ -123,9 +123,9 @@ def _judge(
     return TrialResult(
         name=contender.name,
         leaks=contender.leaks,
-        whole=score_trials(trials.y[tested], whole[tested], groups[tested]),
+        whole=score_trials(trials.y[tested], probabilities[tested], groups[tested]),
         places=tuple(places),
-        probabilities=whole,
+        probabilities=probabilities,
     )
 
 

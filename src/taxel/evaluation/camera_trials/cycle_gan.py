@@ -220,5 +220,5 @@ def painted_rows(
             save_kept(file, rows)
         found.append(rows)
         on_trial(done, len(trials))
-    both = np.concatenate(found)
-    return {TOUCH: both[:, : WIDTHS[TOUCH]], GEL: both[:, WIDTHS[TOUCH] :]}
+    features = np.concatenate(found)
+    return {TOUCH: features[:, : WIDTHS[TOUCH]], GEL: features[:, WIDTHS[TOUCH] :]}

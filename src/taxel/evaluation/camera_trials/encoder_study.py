@@ -128,9 +128,9 @@ def few_trials(
     names, classes = np.unique(groups[train]), set(y.tolist())
     for _ in range(_TRIES):
         drawn = random.choice(names, min(objects, len(names)), replace=False)
-        kept = train[np.isin(groups[train], drawn)]
-        if set(y[kept].tolist()) == classes:
-            return kept
+        chosen = train[np.isin(groups[train], drawn)]
+        if set(y[chosen].tolist()) == classes:
+            return chosen
     raise BadDataset(
         f"{objects} objects that have every class between them",
         f"none in {_TRIES} draws from the {len(names)} objects of a training side",

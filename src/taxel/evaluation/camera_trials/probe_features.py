@@ -66,16 +66,16 @@ def crop_features(
     for done, trial in enumerate(trials, start=1):
         shape = len(trial.cameras), STRETCHES, IMAGES
         files = [cache / "probe" / e.key / f"{trial.digest[:32]}.npy" for e in extractors]
-        kept = [load_kept(f, e.features) for f, e in zip(files, extractors, strict=True)]
-        lacking = [at for at, values in enumerate(kept) if values is None]
+        stored = [load_kept(f, e.features) for f, e in zip(files, extractors, strict=True)]
+        lacking = [at for at, values in enumerate(stored) if values is None]
         images = _images(trial) if lacking else []
         for at in lacking:
             rows = np.concatenate(
                 [_look(extractors[at], own) for camera in images for own in camera]
             )
             save_kept(files[at], rows.astype(np.float32))
-            kept[at] = rows
-        for at, values in enumerate(kept):
+            stored[at] = rows
+        for at, values in enumerate(stored):
             assert values is not None
             features[at].append(values.reshape(*shape, -1))
         on_trial(done, len(trials))

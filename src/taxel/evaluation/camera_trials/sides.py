@@ -70,8 +70,8 @@ def split_trials(
     text = text or (SPLIT if given else _usual(groups))
     words = text.split(":")
     if words == [SPLIT]:
-        held = np.array([own.get(SPLIT) == TEST for own in groups])
-        return _one("test trials given", groups, (y, classes), held)
+        tested = np.array([own.get(SPLIT) == TEST for own in groups])
+        return _one("test trials given", groups, (y, classes), tested)
     if words[0] == "group" and len(words) == 2:
         return _by_group(groups, y, words[1], (folds, seed), classes)
     if words[0] == "order" and len(words) == 3 and words[2].endswith("%"):

@@ -137,21 +137,22 @@ def transfer_once(
     Raises:
         BadDataset: There is nothing to learn from.
     """
-    both = [part for part in (simulated, labelled) if part is not None]
-    if not both:
+    learning = [part for part in (simulated, labelled) if part is not None]
+    if not learning:
         raise BadDataset("simulated or real trials to learn from", "neither", "give some")
     if ranking == "by domain":
-        own, others = Ranked.of(both[0].rows), Ranked.of(known)
+        own, others = Ranked.of(learning[0].rows), Ranked.of(known)
     else:
-        own = others = Ranked.of(np.concatenate([part.rows for part in both]))
+        own = others = Ranked.of(np.concatenate([part.rows for part in learning]))
     ranked = [
-        (own if part is simulated else others).apply(part.rows).astype(np.float64) for part in both
+        (own if part is simulated else others).apply(part.rows).astype(np.float64)
+        for part in learning
     ]
     joined = _Joined(
         np.concatenate(ranked),
-        np.concatenate([part.y[part.trial] for part in both]),
-        np.concatenate([np.full(len(part.trial), part is not simulated) for part in both]),
-        np.concatenate([part.trial for part in both]),
+        np.concatenate([part.y[part.trial] for part in learning]),
+        np.concatenate([np.full(len(part.trial), part is not simulated) for part in learning]),
+        np.concatenate([part.trial for part in learning]),
     )
     middle = joined.rows.mean(axis=0)
     tested = others.apply(test.rows).astype(np.float64) - middle
@@ -161,7 +162,9 @@ def transfer_once(
         turned = np.linalg.qr(centred.T)[0]
         centred, tested = centred @ turned, tested @ turned
     joined = _Joined(centred, joined.y, joined.real, joined.trial)
-    penalty, share = _chosen(joined, both[-1], simulated is not None and labelled is not None, seed)
+    penalty, share = _chosen(
+        joined, learning[-1], simulated is not None and labelled is not None, seed
+    )
     return mean_of_crops(_probabilities(joined, penalty, share, tested, test.classes), test.trial)
 
 

@@ -271,13 +271,13 @@ def simulated_rows(
     width = sum(WIDTHS.values())
     for done, trial in enumerate(trials, start=1):
         file = cache / f"{trial.name}.npy"
-        both = load_kept(file, width)
-        if both is None:
+        features = load_kept(file, width)
+        if features is None:
             images = images_of(trial)
             copy = changed(images, (SEED, trial.run.seed))
-            both = np.concatenate([trial_rows_of(each, module) for each in (images, copy)])
-            save_kept(file, both)
-        for kept, rows in zip(halves, np.split(both, 2), strict=True):
+            features = np.concatenate([trial_rows_of(each, module) for each in (images, copy)])
+            save_kept(file, features)
+        for kept, rows in zip(halves, np.split(features, 2), strict=True):
             kept.append(rows)
         on_trial(done, len(trials))
     return parted(halves[0]), parted(halves[1])

@@ -75,13 +75,13 @@ def signal_of(
     )
     ratio = (np.log(slips + _SOFT_MM_S) - np.log(gives + _SOFT_MM_S)).mean(axis=1)
     most = np.log(slips.max(axis=1) + _SOFT_MM_S)
-    each = {
+    signals = {
         "slip rate over gel rate, and largest rate": ratio + _SHARE * most,
         "slip rate over gel rate": ratio,
         "largest rate": most,
         "largest slip": np.linalg.norm(slip, axis=-1).max(axis=1),
     }
-    return {name: values.mean(axis=1) for name, values in each.items()}
+    return {name: values.mean(axis=1) for name, values in signals.items()}
 
 
 def chosen_on(objects: NDArray[np.str_]) -> NDArray[np.bool_]:
@@ -107,9 +107,9 @@ def signal_auc(folder: Path, cache: Path, positive: str = "slip") -> SignalScore
         for name, values in signal_of(trials.cut.shown["moves"], rate_hz).items()
     }
     first, *plainer = signals
-    whole = _scored(signals[first], y, objects)
-    left = ~chosen_on(objects)
-    apart = _scored(signals[first][left], y[left], objects[left])
+    on_all = _scored(signals[first], y, objects)
+    unseen = ~chosen_on(objects)
+    apart = _scored(signals[first][unseen], y[unseen], objects[unseen])
     others = {name: _scored(signals[name], y, objects).auc for name in plainer}
     others["control: the trial's length"] = _scored(-trials.lengths.astype(float), y, objects).auc
     still = trials.cut.shown["stills"][trials.cut.place == 0, 0, :, :48].std(axis=2).mean(axis=1)
@@ -117,11 +117,11 @@ def signal_auc(folder: Path, cache: Path, positive: str = "slip") -> SignalScore
     others["control: the first frame's contrast"] = max(contrast, 1 - contrast)
     return SignalScore(
         name=first,
-        auc=whole.auc,
-        interval=whole.auc_interval,
+        auc=on_all.auc,
+        interval=on_all.auc_interval,
         apart_auc=apart.auc,
         apart_interval=apart.auc_interval,
-        apart=(len(np.unique(objects[left])), int(left.sum())),
+        apart=(len(np.unique(objects[unseen])), int(unseen.sum())),
         others=others,
     )
 

@@ -222,9 +222,9 @@ def summarise(outcomes: Sequence[RunOutcome], cluster: str = "cup", seed: int = 
     drawn = draw_rows(table.cluster, seed)
     delay = _percentiles(table.delay_s)
     lead = _percentiles(table.lead_s)
-    held = ~table.event
-    alarms_held = int(table.false_alarms[held].sum())
-    hold_min = float(table.judged_s[held].sum()) / 60.0
+    holding = ~table.event
+    alarms_held = int(table.false_alarms[holding].sum())
+    hold_min = float(table.judged_s[holding].sum()) / 60.0
 
     def interval(statistic: Callable[[NDArray[np.intp]], float]) -> Interval:
         return percentile_interval([statistic(rows) for rows in drawn])
@@ -246,9 +246,9 @@ def summarise(outcomes: Sequence[RunOutcome], cluster: str = "cup", seed: int = 
         early_share=_share(table.early, table.event),
         false_alarms=alarms_held,
         hold_min=hold_min,
-        false_alarms_per_min=_per_min(table.false_alarms[held], table.judged_s[held]),
+        false_alarms_per_min=_per_min(table.false_alarms[holding], table.judged_s[holding]),
         false_alarms_interval=interval(
-            lambda r: _per_min(table.false_alarms[r][held[r]], table.judged_s[r][held[r]])
+            lambda r: _per_min(table.false_alarms[r][holding[r]], table.judged_s[r][holding[r]])
         ),
         false_alarms_poisson=poisson_interval(alarms_held, hold_min),
         false_alarms_per_min_all=_per_min(table.false_alarms, table.judged_s),

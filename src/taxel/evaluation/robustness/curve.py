@@ -207,7 +207,7 @@ def point_of(
     low, high = float("nan"), float("nan")
     if answered.any():
         low, high = accuracy_interval(right[answered], answers.session[answered])
-    whole, grasps = answers.answered_grasps()[0], len(answers.grasps)
+    whole_grasps, grasps = answers.answered_grasps()[0], len(answers.grasps)
     return FaultPoint(
         fault=fault,
         level=level,
@@ -217,8 +217,8 @@ def point_of(
         high=high,
         answered=_mean(answered),
         windows=len(answered),
-        grasps=int(whole.sum()) / grasps if grasps else float("nan"),
-        grasps_answered=len(whole) / grasps if grasps else float("nan"),
+        grasps=int(whole_grasps.sum()) / grasps if grasps else float("nan"),
+        grasps_answered=len(whole_grasps) / grasps if grasps else float("nan"),
         outside=answers.outside / answers.minutes if answers.minutes else float("nan"),
         draws=draws,
         base=base,

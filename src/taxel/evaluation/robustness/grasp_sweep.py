@@ -198,13 +198,13 @@ def sweep_grasps(
     levels = [(CLEAN, 0.0, "")]
     for name, own in plan.items():
         levels += [(name, level, find_image_fault(name).unit) for level in own]
-    done: list[Watched] = []
+    results: list[Watched] = []
 
     def add(watched: Watched) -> None:
         """Make a level's point once its last recording was watched."""
-        done.append(watched)
-        if len(done) % len(pours) == 0:
-            own = done[-len(pours) :]
+        results.append(watched)
+        if len(results) % len(pours) == 0:
+            own = results[-len(pours) :]
             points.append(grasp_point(own, *levels[len(points)]))
             on_point(points[-1])
 
@@ -262,8 +262,10 @@ def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str)
     drawn = draw_clusters(len(cups))
     low, high = percentile_interval(_balanced(counts[drawn].sum(axis=1)))
     events = [watched_grasp.outcome for watched_grasp in watched if watched_grasp.outcome.event]
-    held = [watched_grasp.outcome for watched_grasp in watched if not watched_grasp.outcome.event]
-    minutes = sum(watched_grasp.judged_s for watched_grasp in held) / 60
+    holding = [
+        watched_grasp.outcome for watched_grasp in watched if not watched_grasp.outcome.event
+    ]
+    minutes = sum(watched_grasp.judged_s for watched_grasp in holding) / 60
     return FaultPoint(
         fault=fault,
         level=level,
@@ -279,7 +281,7 @@ def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str)
                 [(watched_grasp.states != Stability.UNKNOWN).any() for watched_grasp in watched]
             )
         ),
-        outside=sum(watched_grasp.false_alarms for watched_grasp in held) / minutes
+        outside=sum(watched_grasp.false_alarms for watched_grasp in holding) / minutes
         if minutes
         else float("nan"),
     )

@@ -159,10 +159,10 @@ def judge(
             y = np.array([number.get(label, -1) for label in labels], np.intp)
             y[reference] = -1
             y[~cut.own] = -1
-            kept = (cut.owner >= 0) & (y[cut.owner] >= 0)
-            trial = cut.owner[kept] + offset
-            answers = _answers(model, cut.windows[kept], trial, factor, config, test)
-            parts.append((y[cut.owner[kept]], *answers[:2], trial, np.full(len(trial), name),
+            judged = (cut.owner >= 0) & (y[cut.owner] >= 0)
+            trial = cut.owner[judged] + offset
+            answers = _answers(model, cut.windows[judged], trial, factor, config, test)
+            parts.append((y[cut.owner[judged]], *answers[:2], trial, np.full(len(trial), name),
                           answers[2]))  # fmt: skip
             grasps += [name] * int((y >= 0).sum())
             offset += len(cut.trials)

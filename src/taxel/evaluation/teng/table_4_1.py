@@ -223,11 +223,11 @@ def _column(dataset: Dataset, split: Split, job: Job) -> Column:
     rows["F1-Score"] = scores.f1
     rows |= history_rows
     # Under a split by session the test session is one more session predicted blindly.
-    seen = [*results, last] if isinstance(split.final, TrialFold) else results
+    all_results = [*results, last] if isinstance(split.final, TrialFold) else results
     return Column(
         model=job.model,
         rows={name: rows[name] for name in ROWS},
-        pooled=pool(dataset, split, seen),
+        pooled=pool(dataset, split, all_results),
         training_s=training_s,
     )
 

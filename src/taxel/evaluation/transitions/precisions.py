@@ -90,7 +90,7 @@ def compare_precisions(
     testing = [pours.pours[i] for i in fold.test_rows]
     labels = np.concatenate([label_windows(pours.labels[i], head.frames) for i in fold.test_rows])
     trained: TrainedHead | None = None
-    wanted: NDArray[np.float32] | None = None
+    reference: NDArray[np.float32] | None = None
     rows: list[PrecisionRow] = []
     for engine, precision in ways.tried:
         extractor = open_way(engine, precision, training)
@@ -103,7 +103,7 @@ def compare_precisions(
             known = extract(training, extractor, cache, show)
             trained = fit_head(tracks_of(known, [pours.labels[i] for i in fold.train_rows]), head)
         probabilities = _probabilities(trained, extract(testing, extractor, cache, show))
-        wanted = probabilities if wanted is None else wanted
+        reference = probabilities if reference is None else reference
         right = float(((probabilities >= THRESHOLD) == labels).mean())
         model = f"{extractor.backbone}+{head.head}"
         step = time_step(
@@ -114,8 +114,8 @@ def compare_precisions(
             PrecisionRow(
                 model=model, engine=engine, precision=precision, accuracy=right,
                 lost=rows[0].accuracy - right if rows else 0.0,
-                differ=float(((probabilities >= THRESHOLD) != (wanted >= THRESHOLD)).mean()),
-                largest_difference=float(np.abs(probabilities - wanted).max()),
+                differ=float(((probabilities >= THRESHOLD) != (reference >= THRESHOLD)).mean()),
+                largest_difference=float(np.abs(probabilities - reference).max()),
                 step_ms=step.stream_ms, windows=len(labels),
             )
         )  # fmt: skip

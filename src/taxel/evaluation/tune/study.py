@@ -197,7 +197,7 @@ class Store:
         states = self._optuna.trial.TrialState
         last = len(running.scores) == what.folds
         state = states.COMPLETE if last else states.PRUNED
-        kept = None
+        stored = None
         try:
             if not last:
                 if math.isfinite(mean):
@@ -210,12 +210,12 @@ class Store:
                     "none",
                     "record more of each class",
                 )
-            kept = study.tell(running.trial, mean if last else None, state, skip_if_finished=True)
+            stored = study.tell(running.trial, mean if last else None, state, skip_if_finished=True)
         except self._optuna.exceptions.UpdateFinishedTrialError:
             pass  # another process gave it up, since this one was silent for too long
         self._beating.discard(running.trial._trial_id)
         ended = f"{mean:.4f}" if last else f"{mean:.4f}, pruned after {len(running.scores)} folds"
-        if kept is None or kept.state != state:
+        if stored is None or stored.state != state:
             ended = "given up by another process, since this one was silent for too long"
         on_step(f"{what.name} · trial {running.trial.number + 1} · {ended}")
         return False

@@ -181,7 +181,7 @@ def _one_fold(
     ])  # fmt: skip
     trivial = _trivial(fitted.scaling.apply(learned.values, learned.mask), scaled)
     names = np.array(classes)
-    each = [
+    by_part = [
         Scored(
             index=index,
             kind=kinds[rows],
@@ -201,7 +201,7 @@ def _one_fold(
              {name: _means(own[:, None], owner)[0][:, 0] for name, own in trivial.items()}),
         )
     ]  # fmt: skip
-    return each[0], each[1]
+    return by_part[0], by_part[1]
 
 
 def _ranked(p: NDArray[np.float64], novelty: NDArray[np.float64]) -> NDArray[np.float64]:

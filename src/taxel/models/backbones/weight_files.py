@@ -125,39 +125,39 @@ def save_tensors(
             raise OSError(str(error)) from error
 
 
-def assign_tensors(module: nn.Module, name: str, given: Mapping[str, Tensor], path: Path) -> None:
+def assign_tensors(module: nn.Module, name: str, tensors: Mapping[str, Tensor], path: Path) -> None:
     """Fill a backbone with tensors by name, all of them or none.
 
     Args:
         module: What `BACKBONES[name].build` made.
         name: Its name there.
-        given: Our name → tensor.
+        tensors: Our name → tensor.
         path: Where they come from, for messages.
 
     Raises:
         BadInput: One is missing, unknown, of another shape, or not finite.
     """
-    wanted = backbone_tensors(module)
-    given = {k: v for k, v in given.items() if not k.endswith("num_batches_tracked")}
-    missing = [key for key in wanted if key not in given]
-    unknown = [key for key in given if key not in wanted]
+    own_tensors = backbone_tensors(module)
+    tensors = {k: v for k, v in tensors.items() if not k.endswith("num_batches_tracked")}
+    missing = [key for key in own_tensors if key not in tensors]
+    unknown = [key for key in tensors if key not in own_tensors]
     if missing or unknown:
         lacks = f"{len(missing)} missing (first {missing[0]})" if missing else ""
         extra = f"{len(unknown)} unknown (first {unknown[0]})" if unknown else ""
         got = ", ".join(part for part in (lacks, extra) if part)
         raise BadInput(f"the weights of {name}", f"{path.name} with {got}", _MEND)
-    for key, tensor in wanted.items():
-        if tensor.shape != given[key].shape:
+    for key, tensor in own_tensors.items():
+        if tensor.shape != tensors[key].shape:
             raise BadInput(
                 f"{key} of shape {tuple(tensor.shape)} for {name}",
-                f"{tuple(given[key].shape)} in {path.name}",
+                f"{tuple(tensors[key].shape)} in {path.name}",
                 _MEND,
             )
-        if not torch.isfinite(given[key]).all():
+        if not torch.isfinite(tensors[key]).all():
             raise BadInput(
                 f"finite weights for {name}", f"NaN or infinity in {key} of {path.name}", _MEND
             )
-    module.load_state_dict(dict(given), strict=False)
+    module.load_state_dict(dict(tensors), strict=False)
 
 
 def _read_safetensors(_module: nn.Module, name: str, path: Path) -> Mapping[str, Tensor]:

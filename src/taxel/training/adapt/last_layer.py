@@ -101,8 +101,8 @@ def adapt_last_layer(
         BadDataset: No window is there.
     """
     started = perf_counter()
-    known = run.contract.classes
-    classes = (*known, *sorted(set(y_new) - set(known)))
+    known_classes = run.contract.classes
+    classes = (*known_classes, *sorted(set(y_new) - set(known_classes)))
     old = exemplars_of(run)
     _check(run, windows)
     data = Exemplars.join([old, labelled(windows, y_new, grasp, session, classes)])
@@ -111,7 +111,7 @@ def adapt_last_layer(
     if run.contract.model.endswith(WITH_STATISTICS):
         kinds = [False]  # the network holds them already
     by_kind = {
-        kind: [_adapted(network, scaled, data, len(known), len(classes), kind)
+        kind: [_adapted(network, scaled, data, len(known_classes), len(classes), kind)
                for network in run.networks]
         for kind in kinds
     }  # fmt: skip

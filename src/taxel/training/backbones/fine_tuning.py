@@ -266,9 +266,9 @@ def fine_tune(
     mine = range(fabric.global_rank, lanes.count, fabric.world_size)
     job = lanes.digest()
     history: list[EpochLoss] = []
-    kept, config = config.kept, replace(config, kept=None)
-    if kept is not None and kept.resume and kept.path.exists():
-        history = load_checkpoint(kept.path, network, adam, config, EpochLoss, job)
+    checkpoint, config = config.kept, replace(config, kept=None)
+    if checkpoint is not None and checkpoint.resume and checkpoint.path.exists():
+        history = load_checkpoint(checkpoint.path, network, adam, config, EpochLoss, job)
     fabric.barrier()
     steps = -(-lanes.share // (config.batch // lanes.count))
     for epoch in range(len(history), config.epochs):
@@ -296,8 +296,8 @@ def fine_tune(
             on_step(done, config.epochs * steps, found)
         both = fabric.all_reduce(torch.tensor([total, float(known)]), reduce_op="sum")
         history.append(EpochLoss(float(both[0]) / max(1.0, float(both[1]))))
-        if kept is not None and fabric.is_global_zero:
-            save_checkpoint(kept.path, network, adam, config, history, job)
+        if checkpoint is not None and fabric.is_global_zero:
+            save_checkpoint(checkpoint.path, network, adam, config, history, job)
         fabric.barrier()
     network.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]
     network.eval()

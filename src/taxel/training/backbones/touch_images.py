@@ -100,18 +100,18 @@ def split_objects(
     objects = sorted({video.object for video in videos})
     if len(objects) < EVERY:
         raise BadDataset(f"at least {EVERY} objects", f"{len(objects)}", "give more recordings")
-    kept: set[str] = set()
+    held_out: set[str] = set()
     for folder in sorted({name.partition("/")[0] for name in objects}):
         in_folder = [name for name in objects if name.partition("/")[0] == folder]
         order = np.random.default_rng([17, 0]).permutation(len(in_folder))
-        kept |= {in_folder[i] for i in order[: len(in_folder) // EVERY]}
-    if not kept:
+        held_out |= {in_folder[i] for i in order[: len(in_folder) // EVERY]}
+    if not held_out:
         raise BadDataset(
             f"at least {EVERY} objects in one of the folders", f"{len(objects)} over several",
             "put recordings of one kind in one folder",
         )  # fmt: skip
-    learn = [video for video in videos if video.object not in kept]
-    return learn, [video for video in videos if video.object in kept]
+    learn = [video for video in videos if video.object not in held_out]
+    return learn, [video for video in videos if video.object in held_out]
 
 
 def changed(image: Image, draw: np.random.Generator) -> Image:

@@ -183,21 +183,21 @@ def fit_blend(
     columns = [member.columns(cameras, widths) for member in members]
     images = mirrors(widths, cameras)
     novel = novelty_columns(widths)
-    held, novelty = _held_out(learning, members, columns, images, novel, seed, on_step)
+    held_out, novelty = _held_out(learning, members, columns, images, novel, seed, on_step)
     prior = np.array([member.prior for member in members])
     weights = prior / prior.sum() if prior.any() else np.full(len(members), 1 / len(members))
     sharpness, inner = 1.0, {}
-    if held is not None:
+    if held_out is not None:
         y = learning.y
         kinds = np.array([member.kind for member in members])
         groups = len(set(learning.groups.tolist()))
-        weights = weigh(held, y, trusted(held, y, groups, prior, kinds))
+        weights = weigh(held_out, y, trusted(held_out, y, groups, prior, kinds))
         weights[weights < min(LEAST_WEIGHT, weights.max())] = 0.0
         weights /= weights.sum()
-        mixed = np.asarray(np.einsum("tmc,m->tc", held, weights), np.float64)
+        mixed = np.asarray(np.einsum("tmc,m->tc", held_out, weights), np.float64)
         if inner_folds(y, learning.groups, seed) or classes_are_groups(y, learning.groups):
             sharpness = sharpen(mixed, y)
-        inner = {member.name: log_loss(held[:, i], y) for i, member in enumerate(members)}
+        inner = {member.name: log_loss(held_out[:, i], y) for i, member in enumerate(members)}
         inner["blend"] = log_loss(sharpened(mixed, sharpness), y)
     kept = np.flatnonzero(weights)
     on_step("all trials")

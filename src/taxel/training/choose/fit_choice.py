@@ -55,8 +55,10 @@ def fit_choice(
     rows = np.flatnonzero(np.isin(prepared.trial[prepared.kept], np.asarray(train, np.intp)))
     y = base.y[prepared.trial[prepared.kept[rows]]]
     classes = len(base.dataset.classes(base.target))
-    each = copies(choice)
-    new = [(member, copy) for member, copy in each if (member.candidate, copy) not in fitted]
+    member_copies = copies(choice)
+    new = [
+        (member, copy) for member, copy in member_copies if (member.candidate, copy) not in fitted
+    ]
     new.sort(key=lambda own: own[0].candidate.family not in LONGEST)
     # First weights come from PyTorch's one generator, so that they are drawn one after another.
     networks = {
@@ -80,13 +82,13 @@ def fit_choice(
             fitted[member.candidate, copy] = head
     parts = tuple(
         Part(KINDS.get(own.candidate.family, _network_name(own, choice.window.steps)), own.blocks)
-        for own, _ in each
+        for own, _ in member_copies
     )
     return Blend(
         Plan(choice.window.steps, prepared.pads, classes, parts, choice.window.pad),
-        tuple(fitted[member.candidate, copy] for member, copy in each),
-        tuple(member.weight / copies_of(member) for member, _ in each),
-        tuple(member.sharpness for member, _ in each),
+        tuple(fitted[member.candidate, copy] for member, copy in member_copies),
+        tuple(member.weight / copies_of(member) for member, _ in member_copies),
+        tuple(member.sharpness for member, _ in member_copies),
         choice.last,
     ).eval()
 

@@ -61,16 +61,16 @@ def fill_cache(
     """
     if not shared_out():
         return
-    left = [
+    missing = [
         (pour, extractor) for pour, extractor in zip(pours, extractors, strict=True)
         if not _in_this_process(extractor)
         and load_kept(kept_path(cache, extractor, pour), extractor.features) is None
     ]  # fmt: skip
-    left.sort(key=lambda each: -len(each[0]))  # the longest last would keep one worker alone
-    jobs = [(pour.path.absolute(), portable(own, cache), cache.absolute()) for pour, own in left]
-    frames, seconds, known = 0, 0.0, len(pours) - len(left)
-    for number, found in as_done(extract_one, jobs, names=[pour.name for pour, _ in left]):
-        pour, extractor = left[number]
+    missing.sort(key=lambda each: -len(each[0]))  # the longest last would keep one worker alone
+    jobs = [(pour.path.absolute(), portable(own, cache), cache.absolute()) for pour, own in missing]
+    frames, seconds, known = 0, 0.0, len(pours) - len(missing)
+    for number, found in as_done(extract_one, jobs, names=[pour.name for pour, _ in missing]):
+        pour, extractor = missing[number]
         if not kept_path(cache, extractor, pour).exists():
             raise BadInput(
                 f"one cache for all workers, {cache}", "a worker that keeps its own",
