@@ -76,12 +76,12 @@ def read_members(file: BinaryIO, wanted: Mapping[str, int], ratio: float) -> dic
     _check_end(file)
     try:
         with zipfile.ZipFile(file) as archive:
-            held = [info for info in archive.infolist() if info.filename in wanted]
-            names = [info.filename for info in held]
+            present = [info for info in archive.infolist() if info.filename in wanted]
+            names = [info.filename for info in present]
             if len(set(names)) < len(names):
                 _no_zip("a member that is there twice")
             allowed = FREE + ratio * size_of(file)
-            for info in held:
+            for info in present:
                 most = wanted[info.filename]
                 if info.file_size > most:
                     _no_zip(
@@ -90,10 +90,10 @@ def read_members(file: BinaryIO, wanted: Mapping[str, int], ratio: float) -> dic
                 if info.flag_bits & 1:
                     _no_zip(f"{info.filename}, which is encrypted")
                 refuse_packing(info)
-            if sum(info.file_size for info in held) > allowed:
+            if sum(info.file_size for info in present) > allowed:
                 _no_zip(f"members packed more than {ratio:g} times")
             members = {}
-            for info in held:
+            for info in present:
                 with archive.open(info) as member:
                     content = member.read(info.file_size + 1)
                 if len(content) != info.file_size:

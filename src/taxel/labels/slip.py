@@ -24,8 +24,8 @@ def label_truth(truth: NDArray[np.floating], rule: str) -> NDArray[np.int8]:
         BadInput: There is no such rule, it needs images, or the truth is of
             another shape or holds NaN where the rule looks.
     """
-    wanted = rule_named(rule)
-    if wanted.needs != "truth":
+    label_rule = rule_named(rule)
+    if label_rule.needs != "truth":
         physics = ", ".join(name for name, rule in RULES.items() if rule.needs == "truth")
         raise BadInput(f"a rule on physics truth ({physics})", repr(rule), "choose one of them")
     if truth.ndim != 2 or truth.shape[1] != len(TRUTH_CHANNELS):
@@ -34,11 +34,11 @@ def label_truth(truth: NDArray[np.floating], rule: str) -> NDArray[np.int8]:
             f"shape {truth.shape}",
             f"give the columns {', '.join(TRUTH_CHANNELS)}",
         )
-    values = truth[:, TRUTH_CHANNELS.index(wanted.channel)]
+    values = truth[:, TRUTH_CHANNELS.index(label_rule.channel)]
     if np.isnan(values).any():
         raise BadInput(
-            f"a finite {wanted.channel} at every moment",
+            f"a finite {label_rule.channel} at every moment",
             f"NaN at row {int(np.isnan(values).argmax())}",
             "record the truth again or leave the recording out",
         )
-    return (values > wanted.above).astype(np.int8)
+    return (values > label_rule.above).astype(np.int8)

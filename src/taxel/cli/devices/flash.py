@@ -243,7 +243,7 @@ def _run(command: list[str]) -> None:
     """
     say_aside(f"+ {shell_words(*command)}")
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -257,13 +257,13 @@ def _run(command: list[str]) -> None:
         why = f"more than {_LONGEST_S:g} s" if isinstance(error, subprocess.TimeoutExpired) else (
             error.strerror or str(error))  # fmt: skip
         raise BadInput(f"{command[0]} to run", why, "look at that program by itself") from error
-    if done.returncode:
-        for line in done.stdout.splitlines():
+    if process.returncode:
+        for line in process.stdout.splitlines():
             say_aside(line)
-        lines = [line.strip() for line in done.stdout.splitlines() if line.strip()]
+        lines = [line.strip() for line in process.stdout.splitlines() if line.strip()]
         last = lines[-1] if lines else "without a word"
         raise BadInput(
-            f"{command[0]} to succeed", f"exit code {done.returncode}: {last[:200]}",
+            f"{command[0]} to succeed", f"exit code {process.returncode}: {last[:200]}",
             "its output stands above",
         )  # fmt: skip
 

@@ -168,7 +168,7 @@ def _avrdude(
     defines: Sequence[str],
     which: Callable[[str], str | None],
 ) -> list[list[str]]:
-    made: list[list[str]] = []
+    steps: list[list[str]] = []
     binary = sketch.path
     if not sketch.built:
         firmware, name = sketch.path.parent, sketch.path.name
@@ -184,14 +184,14 @@ def _avrdude(
         variant = "teng_daq_0" if name == "teng_daq" else name
         binary = build / f"{variant}.elf"
         settings = " ".join(f"'-D{flag}'" for flag in defines)
-        made.append(["make", "-C", str(firmware), f"BUILD={build}", f"SET_{variant}={settings}",
-                     str(binary)])  # fmt: skip
+        steps.append(["make", "-C", str(firmware), f"BUILD={build}", f"SET_{variant}={settings}",
+                      str(binary)])  # fmt: skip
     if binary.suffix == ".elf":
         hex_file = build / f"{binary.stem}.hex"
-        made.append(["avr-objcopy", "-O", "ihex", "-R", ".eeprom", str(binary), str(hex_file)])
+        steps.append(["avr-objcopy", "-O", "ihex", "-R", ".eeprom", str(binary), str(hex_file)])
         binary = hex_file
-    made.append(
+    steps.append(
         ["avrdude", "-p", kind.part, "-c", kind.programmer, "-P", port, "-b", str(kind.baud),
          "-D", "-U", f"flash:w:{binary}:i"]
     )  # fmt: skip
-    return made
+    return steps

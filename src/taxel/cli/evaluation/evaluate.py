@@ -209,10 +209,12 @@ def _evaluate_bundle(
     from taxel.views.tables.parts import bundle_score_table
     from taxel.views.tables.trained_on import trained_on_line
 
-    seen = trained_on_line(score.learned_from, "recordings", known=score.learned_is_known)
+    warning = trained_on_line(score.learned_from, "recordings", known=score.learned_is_known)
     if as_json:
-        print_json({"bundle": str(bundle), "data": str(folder)} | asdict(score) | {"warning": seen})
+        print_json(
+            {"bundle": str(bundle), "data": str(folder)} | asdict(score) | {"warning": warning}
+        )
         return
     console.print(bundle_score_table(score, bundle.name, str(folder)))
-    if seen is not None:
-        say(f"warning: {seen}", style="yellow")
+    if warning is not None:
+        say(f"warning: {warning}", style="yellow")

@@ -109,7 +109,7 @@ class EvaluateTrials:
             for verdict in predict_trials(bundle, trials):
                 verdicts.append(verdict)
                 work.at("trials", len(verdicts), len(trials))
-        seen = trained_on_line(
+        warning = trained_on_line(
             trained_on(bundle.contract, trials), "trials", known=bool(bundle.contract.learned)
         )
         crop = bundle.contract.crop
@@ -119,7 +119,7 @@ class EvaluateTrials:
         left_out = not_scored_line(target, truth, classes)
         line, scores = _scores(bundle.contract, trials, verdicts, table)
         if self.json:
-            beside = {"warning": seen, "not_scored": left_out, "note": note}
+            beside = {"warning": warning, "not_scored": left_out, "note": note}
             print_json({"bundle": str(self.trials), **scores, **beside})
             return
         say(line)
@@ -129,8 +129,8 @@ class EvaluateTrials:
             say(f"warning: {left_out}", style="yellow")
         if reasons := unknown_line(verdicts):
             say(reasons, style="yellow")
-        if seen is not None:
-            say(f"warning: {seen}", style="yellow")
+        if warning is not None:
+            say(f"warning: {warning}", style="yellow")
 
 
 def _scores(
@@ -156,9 +156,9 @@ def _scores(
 
     target, classes = contract.target, contract.classes
     truth = [trial.labels.get(target, "") for trial in trials]
-    known = [i for i, own in enumerate(truth)
-             if own in classes and np.isfinite(verdicts[i].confidence)]  # fmt: skip
-    result: dict[str, Any] = {
+    labelled = [i for i, own in enumerate(truth)
+                if own in classes and np.isfinite(verdicts[i].confidence)]  # fmt: skip
+    document: dict[str, Any] = {
         "target": target,
         "split": None if table is None else table.split,
         "trials": len(trials),
@@ -170,21 +170,21 @@ def _scores(
         ],
     }  # fmt: skip
     where = "" if table is None else f" · test part of {table.split}"
-    if not known:
+    if not labelled:
         count = trial_count(len(trials))
-        return f"{count}{where}; none has a {target} that the bundle knows", result
-    groups = [trials[i].groups for i in known]
+        return f"{count}{where}; none has a {target} that the bundle knows", document
+    groups = [trials[i].groups for i in labelled]
     key = _resampled(groups, table)
-    names = values_of(groups, key) if key else np.array([trials[i].name for i in known])
-    y = np.array([classes.index(truth[i]) for i in known])
+    names = values_of(groups, key) if key else np.array([trials[i].name for i in labelled])
+    y = np.array([classes.index(truth[i]) for i in labelled])
     majority = float(np.bincount(y).max() / len(y))
-    scores = score_trials(y, np.stack([verdicts[i].probabilities for i in known]), names)
-    answered = float(np.mean([verdicts[i].label == truth[i] for i in known]))
-    result |= {"majority": majority, "scores": asdict(scores), "answered_accuracy": answered}
+    scores = score_trials(y, np.stack([verdicts[i].probabilities for i in labelled]), names)
+    answered = float(np.mean([verdicts[i].label == truth[i] for i in labelled]))
+    document |= {"majority": majority, "scores": asdict(scores), "answered_accuracy": answered}
     return (
-        f"{score_line(target, where, scores, majority, key)}; UNKNOWN {result['unknown']} of "
+        f"{score_line(target, where, scores, majority, key)}; UNKNOWN {document['unknown']} of "
         f"{len(trials)}; accuracy with UNKNOWN counted as wrong {answered:.3f}"
-    ), result
+    ), document
 
 
 def _scored_trials(data: Path, folds: Path | None) -> tuple[list[CameraTrial], FoldTable | None]:

@@ -162,16 +162,16 @@ class Sweep:
                     points = sweep_conditions(model, plan, which, config, on_point=show)
                 where = f"{self.sessions} new sessions of sim://teng each"
             else:
-                known = model.contract
-                channels = len(known.channels) if known.window.channels is None else None
+                contract = model.contract
+                channels = len(contract.channels) if contract.window.channels is None else None
                 plan = plan_array(names, levels, channels)
                 touches, digest = read_touches(self.data)
                 asked, channels = names or plan, len(touches[0].sensor.channels)
                 plan = plan_array(names, levels, channels)
                 if left := ", ".join(name for name in asked if name not in plan):
                     _note(f"{left} left out: an array of {channels} channels cannot have it.")
-                seen = recordings_trained_on(known, list_recordings(self.data))
-                _warn_if_seen(bool(seen) or digest == known.data_digest)
+                seen = recordings_trained_on(contract, list_recordings(self.data))
+                _warn_if_seen(bool(seen) or digest == contract.data_digest)
                 bar.update(task, total=1 + sum(map(len, plan.values())))
                 if shared_out():
                     data = (self.data, digest)

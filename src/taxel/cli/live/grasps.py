@@ -64,21 +64,21 @@ def live_grasps(
 
     with stop_signals(SUMMARY_FOLLOWS) as stopped, open_source(source_url) as source:
         tally = run_grasp_session(source, opened, seconds, on_answer=show, stopped=stopped)
-    result = tally.summary()
+    summary = tally.summary()
     if as_json:
-        print_json(result)
+        print_json(summary)
         return
-    states = ", ".join(f"{name} {count}" for name, count in result["states"].items())
-    say(f"{result['moments']} moments: {states or 'none'}; {result['alarms']} alarms")
-    if result["starts"]:
-        starts = ", ".join(f"{start_s:.2f} s" for start_s in result["starts"])
+    states = ", ".join(f"{name} {count}" for name, count in summary["states"].items())
+    say(f"{summary['moments']} moments: {states or 'none'}; {summary['alarms']} alarms")
+    if summary["starts"]:
+        starts = ", ".join(f"{start_s:.2f} s" for start_s in summary["starts"])
         say(f"grasps found to begin after: {starts}")
-    for grasp in result["grasps"]:
+    for grasp in summary["grasps"]:
         alarm_s = grasp["first_alarm_s"]
         warned = "no alarm" if alarm_s is None else f"first alarm after {alarm_s:.2f} s"
         say(f"  {visible(grasp.get('run', 'grasp'))}: {visible(grasp['outcome'] or '–')}, {warned}")
-    if result["moments"]:
+    if summary["moments"]:
         say(
-            f"frames to decision: median {result['latency_ms_median']:.1f} ms, "
-            f"99 % below {result['latency_ms_p99']:.1f} ms"
+            f"frames to decision: median {summary['latency_ms_median']:.1f} ms, "
+            f"99 % below {summary['latency_ms_p99']:.1f} ms"
         )

@@ -241,7 +241,7 @@ def _known_classes(bundles: Sequence[Path], trust: Trust | None) -> dict[str, tu
     from taxel.bundles.envelope import is_grasp_bundle, is_trial_bundle
     from taxel.bundles.reader import read_contract
 
-    known: dict[str, tuple[str, ...]] = {}
+    classes: dict[str, tuple[str, ...]] = {}
     for path in bundles:
         if is_grasp_bundle(path):
             continue
@@ -251,11 +251,11 @@ def _known_classes(bundles: Sequence[Path], trust: Trust | None) -> dict[str, tu
             contract: Contract | TrialContract = read_trial_contract(path, trust)
         else:
             contract = read_contract(path, trust)
-        more = (name for name in contract.classes if name not in known.get(contract.target, ()))
-        known[contract.target] = (*known.get(contract.target, ()), *more)
-    if not known:
+        more = (name for name in contract.classes if name not in classes.get(contract.target, ()))
+        classes[contract.target] = (*classes.get(contract.target, ()), *more)
+    if not classes:
         raise BadInput(
             "a bundle that names classes beside --rules", "a grasp monitor alone",
             "leave --rules out: what to do about a grasp is shown without it",
         )  # fmt: skip
-    return known
+    return classes

@@ -107,14 +107,14 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             acts = bool(options.gripper or options.tell)
             print_keys(acts=acts, watches=bool(station.wiring.watches))
         station.run(options.seconds, stopped, on_tick)
-    result = station_summary(station)
+    summary = station_summary(station)
     if options.json:
-        print_json(result)
+        print_json(summary)
     else:
-        print_station_summary(result)
+        print_station_summary(summary)
     if station.failed or station.recording.get("error"):
         raise SystemExit(1)
-    return result
+    return summary
 
 
 def _check(options: StationOptions) -> None:

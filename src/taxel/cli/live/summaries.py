@@ -58,31 +58,31 @@ def station_summary(station: Station) -> dict[str, Any]:
     }
 
 
-def print_station_summary(result: dict[str, Any]) -> None:
+def print_station_summary(summary: dict[str, Any]) -> None:
     """Print what `station_summary` gave, in lines."""
     from taxel.live.station.guard import NO_GRASP
 
-    for line in answers_lines(result["answers"]):
+    for line in answers_lines(summary["answers"]):
         say(line)
-    counts = result["alarms"]["counts"]
-    if result["state"] != NO_GRASP or counts["raised"]:
+    counts = summary["alarms"]["counts"]
+    if summary["state"] != NO_GRASP or counts["raised"]:
         say(f"alarms: {counts['raised']} raised, {counts['acknowledged']} acknowledged")
-    if result["trials"]:
-        say(trials_line(result["trials"]))
-    for name, process in result["processes"].items():
+    if summary["trials"]:
+        say(trials_line(summary["trials"]))
+    for name, process in summary["processes"].items():
         again = f", started {process['starts']} times" if process["starts"] > 1 else ""
-        if name == "recorder" and result["recording"].get("not_written"):
-            again = f", not written {result['recording']['not_written']}{again}"
+        if name == "recorder" and summary["recording"].get("not_written"):
+            again = f", not written {summary['recording']['not_written']}{again}"
         say(
             f"  {name}: {process['produced']} messages produced, {process['consumed']} received, "
             f"{process['dropped']} lost{again}"
         )
-    if result["latency_ms"]:
+    if summary["latency_ms"]:
         parts = [
-            f"{stage} {quantiles['p50']:.1f}" for stage, quantiles in result["latency_ms"].items()
+            f"{stage} {quantiles['p50']:.1f}" for stage, quantiles in summary["latency_ms"].items()
         ]
         say(f"  median latency, ms: {' · '.join(parts)}")
-    recording = result["recording"]
+    recording = summary["recording"]
     if recording.get("error"):
         say(recording["error"], style="red")
     if recording.get("ledger"):

@@ -62,21 +62,21 @@ def live_trials(
             if stopped():
                 break
     assert total is not None
-    result = total.summary()
-    result["warning"] = _trained_on_warning(opened, source) if result["marked"] else None
+    summary = total.summary()
+    summary["warning"] = _trained_on_warning(opened, source) if summary["marked"] else None
     if as_json:
-        print_json(result)
+        print_json(summary)
         return
     say(
-        f"{len(total.trials)} trial{'' if len(total.trials) == 1 else 's'}, {result['unknown']} "
-        f"UNKNOWN; {result['right']}/{result['marked']} as the source's own labels say"
+        f"{len(total.trials)} trial{'' if len(total.trials) == 1 else 's'}, {summary['unknown']} "
+        f"UNKNOWN; {summary['right']}/{summary['marked']} as the source's own labels say"
     )
-    if result["warning"] is not None:
-        say(f"warning: {result['warning']}", style="yellow")
+    if summary["warning"] is not None:
+        say(f"warning: {summary['warning']}", style="yellow")
     if total.looks_s:
         say(
-            f"a look at a crop: median {result['look_ms_median']:.0f} ms, at most "
-            f"{result['look_ms_max']:.0f} ms, each {opened.contract.layout.every} frame(s)"
+            f"a look at a crop: median {summary['look_ms_median']:.0f} ms, at most "
+            f"{summary['look_ms_max']:.0f} ms, each {opened.contract.layout.every} frame(s)"
         )
 
 

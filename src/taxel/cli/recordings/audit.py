@@ -77,7 +77,7 @@ class Audit:
             else:
                 touch, learned = read_touch(self.data, self.target, on_read), 0
             bar.update(task, completed=0, total=STEPS)
-            result = audit(
+            report = audit(
                 touch,
                 str(self.data),
                 self._sides(touch, learned),
@@ -87,11 +87,11 @@ class Audit:
                 on_step=lambda line: bar.update(task, description=line, advance=1),
             )
         if self.json:
-            print_json(asdict(result) | {"verdict": result.verdict, "alarms": len(result.alarms)})
+            print_json(asdict(report) | {"verdict": report.verdict, "alarms": len(report.alarms)})
             return
         from taxel.views.tables.audit import audit_table
 
-        console.print(audit_table(result, everything=self.all))
+        console.print(audit_table(report, everything=self.all))
 
     def _in_folds(self) -> bool:
         return self.split is not None and not self.split.startswith(("order:", "split"))

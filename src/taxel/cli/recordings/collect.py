@@ -126,7 +126,7 @@ def _grasp_all(
             "none",
             "add --arm --no-ask where objects come by themselves",
         )
-    ready, made = {trial.number for trial in done}, []
+    ready, grasps = {trial.number for trial in done}, []
     rig.actuator.connect()
     with rig.source as source, stop_signals() as stopped, Keys() as keys, progress() as bars:
         driver = HandDriver(rig.actuator, rig.clock, hand_limits(config.contact_ma))
@@ -143,12 +143,12 @@ def _grasp_all(
                              keys if wait else None, stopped)  # fmt: skip
                 if grasp is None:
                     break
-                made.append(grasp)
+                grasps.append(grasp)
                 before = trial.words
                 bars.update(bar, advance=1)
         finally:
             rig.actuator.close()
-    return made
+    return grasps
 
 
 def _one(

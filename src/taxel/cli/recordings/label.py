@@ -123,31 +123,31 @@ class Label:
 
         with progress() as bar:
             task = bar.add_task("labelling", total=None)
-            made = mark_recordings(
+            marked = mark_recordings(
                 self.path, intervals, output, overwrite=self.overwrite,
                 progress=lambda done, of: bar.update(task, completed=done, total=of),
             )  # fmt: skip
-        notes = [*look_alikes("label", (mark.labels for mark in made.marks)),
-                 *look_alikes("group", (mark.groups for mark in made.marks))]  # fmt: skip
-        if made.replaced:
-            notes.append(f"{made.replaced} earlier marks are not in the copies")
-        if made.left_out:
-            names = ", ".join(path.name for path in made.left_out)
+        notes = [*look_alikes("label", (mark.labels for mark in marked.marks)),
+                 *look_alikes("group", (mark.groups for mark in marked.marks))]  # fmt: skip
+        if marked.replaced:
+            notes.append(f"{marked.replaced} earlier marks are not in the copies")
+        if marked.left_out:
+            names = ", ".join(path.name for path in marked.left_out)
             notes.append(f"left out, without an interval: {names}")
         if self.json:
             print_json(
                 {
-                    "recordings": [str(path) for path in made.recordings],
-                    "marks": len(made.marks),
-                    "replaced": made.replaced,
-                    "left_out": [str(path) for path in made.left_out],
+                    "recordings": [str(path) for path in marked.recordings],
+                    "marks": len(marked.marks),
+                    "replaced": marked.replaced,
+                    "left_out": [str(path) for path in marked.left_out],
                     "notes": notes,
                 }
             )
             return
         for note in notes:
             say(note)
-        say(f"{output}: {len(made.recordings)} recordings, {len(made.marks)} marks; next:",
+        say(f"{output}: {len(marked.recordings)} recordings, {len(marked.marks)} marks; next:",
             command("taxel", "info", output))  # fmt: skip
 
     def _asked(self) -> list[str]:

@@ -54,11 +54,11 @@ class PlanRecording:
 def record_plan(options: PlanRecording, stopped: Callable[[], bool]) -> None:
     """Record the trials of a plan that are not done yet, then print how many are."""
     trials = read_plan(options.plan)
-    done = done_of(trials, options.output)
+    recorded = done_of(trials, options.output)
     show_line = say_aside if options.json else say
-    show_line(balance_line(trials, done))
+    show_line(balance_line(trials, recorded))
     made: list[RecordedTrial] = []
-    if len(done) < len(trials):
+    if len(recorded) < len(trials):
         simulated = options.source.partition("?")[0] == SIMULATED
         if options.tare and simulated:
             raise BadInput("--tare with real cameras", SIMULATED, "leave --tare out")
@@ -72,7 +72,7 @@ def record_plan(options: PlanRecording, stopped: Callable[[], bool]) -> None:
         with ExitStack() as stack:
             keys = stack.enter_context(Keys())
             shower = open_shower(options.page, stack, len(trials), show_line, asks=asks)
-            shower.board.show("WAIT", done=len(done), balance=balance_line(trials, done))
+            shower.board.show("WAIT", done=len(recorded), balance=balance_line(trials, recorded))
             made = _Session(options, stack, keys if asks else None, stopped, shower).run(trials)
     ready = done_of(trials, options.output)
     if options.json:

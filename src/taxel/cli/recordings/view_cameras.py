@@ -33,29 +33,29 @@ def view_cameras(
     """
     from taxel.views.gel_moment import look
 
-    seen = look(frame_sets_of(source), source.cameras, moment)
+    view = look(frame_sets_of(source), source.cameras, moment)
     names = [camera.name for camera in source.cameras]
-    when = f"{seen.time_s:.3f} s, frame {seen.frame}"
+    when = f"{view.time_s:.3f} s, frame {view.frame}"
     if png is not None:
         from taxel.views.figures.gel import gels_figure
 
-        touches = dict(zip(names, seen.touches, strict=True))
+        touches = dict(zip(names, view.touches, strict=True))
         write_whole(png, gels_figure(touches, f"{url}, {when}"))
     if as_json:
         print_json(
             {
                 "source": url,
-                "frame": seen.frame,
-                "time_s": seen.time_s,
+                "frame": view.frame,
+                "time_s": view.time_s,
                 "cameras": [
                     {"camera": name, **touch.figures()}
-                    for name, touch in zip(names, seen.touches, strict=True)
+                    for name, touch in zip(names, view.touches, strict=True)
                 ],
             }
         )
         return
     lines = [when] + [
-        f"{name}: {touch.words()}" for name, touch in zip(names, seen.touches, strict=True)
+        f"{name}: {touch.words()}" for name, touch in zip(names, view.touches, strict=True)
     ]
     if png is not None:
         lines.append(f"figure: {png}")

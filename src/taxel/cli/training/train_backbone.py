@@ -103,10 +103,12 @@ class TrainBackbone:
             pours = load_set(self.labels, self.data, bar)
             extractor = open_features(self.backbone, pours, self.weights, self._engine(), tare)
             assert isinstance(extractor, BackboneExtractor)
-            first = pours.some(HEAD_RECORDINGS)
-            features = extract_features(extractor, self.backbone, first, self.labels.folder(), bar)
-            network = begin_end_to_end(extractor, features, first.labels, configs,
-                                       self._excess(first, tare))  # fmt: skip
+            head_pours = pours.some(HEAD_RECORDINGS)
+            features = extract_features(
+                extractor, self.backbone, head_pours, self.labels.folder(), bar
+            )
+            network = begin_end_to_end(extractor, features, head_pours.labels, configs,
+                                       self._excess(head_pours, tare))  # fmt: skip
             start = extractor.weights
             del extractor  # and what it holds of a card's memory
             task = bar.add_task("end to end", total=None)

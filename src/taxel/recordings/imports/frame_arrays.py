@@ -42,23 +42,23 @@ class FrameArray:
         self.path = path
         self.rate_hz = rate_hz
         try:
-            held = NpyFile(path).get("")
+            array = NpyFile(path).get("")
         except BadFile as error:
             raise BadTable(f"{error.needed} in {path}", error.got, error.mend) from error
         except OSError as error:
             raise BadTable(
                 "a video of each camera", f"{path}: {error.strerror or error}", "check the path"
             ) from error
-        shape = held.shape if isinstance(held, Numbers) else ()
+        shape = array.shape if isinstance(array, Numbers) else ()
         if len(shape) == 3 and shape[2] == 3:
             shape = (1, *shape)
         colours = shape[3] if len(shape) == 4 else 1
         if (
-            not isinstance(held, Numbers) or held.dtype != np.uint8 or len(shape) not in (3, 4)
+            not isinstance(array, Numbers) or array.dtype != np.uint8 or len(shape) not in (3, 4)
             or colours not in _COLOURS or not shape[0]
         ):  # fmt: skip
             raise BadTable(
-                _SHAPES, f"{held} in {path}",
+                _SHAPES, f"{array} in {path}",
                 "save them so; images of 0…1 times 255, and colours last",
             )  # fmt: skip
         self.count, self.height, self.width = (int(side) for side in shape[:3])
@@ -66,7 +66,7 @@ class FrameArray:
             check_size(self.width, self.height)
         except BadSource as error:
             raise BadTable(f"{error.needed} in {path}", error.got, "make them smaller") from error
-        self._held, self._single = held, len(held.shape) == 3 and held.shape[2] == 3
+        self._held, self._single = array, len(array.shape) == 3 and array.shape[2] == 3
 
     def digest(self) -> str:
         """Return the SHA-256 of the file, hexadecimal."""

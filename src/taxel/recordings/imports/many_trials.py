@@ -116,10 +116,10 @@ def trials_of(
     if not file.is_file():
         raise BadTable("a file to import", f"{file}, which is not there", "check the path")
     row = _Row(named, data_dir, where, outside)
-    wanted = {name: ref for name, cell in named.items()
-              if _may_refer(name) and (ref := Reference.of(cell))}  # fmt: skip
-    beside = {name: row.read_beside(ref) for name, ref in wanted.items() if ref.file}
-    own = list(dict.fromkeys(ref.name for ref in wanted.values() if not ref.file))
+    references = {name: ref for name, cell in named.items()
+                  if _may_refer(name) and (ref := Reference.of(cell))}  # fmt: skip
+    beside = {name: row.read_beside(ref) for name, ref in references.items() if ref.file}
+    own = list(dict.fromkeys(ref.name for ref in references.values() if not ref.file))
     labelled = labelled or any(
         cell and name.startswith("label:") and not cell.lower().startswith((FROM, STAR_CELL))
         for name, cell in named.items()
@@ -127,11 +127,15 @@ def trials_of(
     counts = [len(texts) for texts in beside.values()]
     source = _opened(file, named, own, counts, where, labelled=labelled)
     try:
-        values = {name: beside.get(name) or source.texts(ref.name) for name, ref in wanted.items()}
-        for name, ref in wanted.items():
+        values = {
+            name: beside.get(name) or source.texts(ref.name) for name, ref in references.items()
+        }
+        for name, ref in references.items():
             if ref.classes is not None:
                 values[name] = _class_names(source, row, name, ref, values[name])
-        arrays = any(len(values[name]) > 1 and STAR not in ref.name for name, ref in wanted.items())
+        arrays = any(
+            len(values[name]) > 1 and STAR not in ref.name for name, ref in references.items()
+        )
         if arrays and isinstance(source, ArrayTrials) and source.order:
             source.doubts.append(source.order)
         source.doubts.extend(_names_as_values(source, named, where))
@@ -139,7 +143,7 @@ def trials_of(
         count = len(source.keys)
         for name, texts in values.items():
             if len(texts) not in (1, count):
-                raise _wrong_count(row, name, wanted.get(name), len(texts), count)
+                raise _wrong_count(row, name, references.get(name), len(texts), count)
         _cut(source, values.pop("length", None), named, where)
     finally:
         source.close()

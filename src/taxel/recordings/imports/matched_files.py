@@ -88,13 +88,13 @@ def one_line_a_file(
             what cannot be read; a column is filled in by the line and by the name; or two lines
             have one file.
     """
-    made: list[TableLine] = []
+    expanded: list[TableLine] = []
     beside: list[str] = []
     least = ""
     for line in lines:
         own = _pattern(line, data_dir, outside)
         if own is None:
-            made.append(line)
+            expanded.append(line)
             continue
         search = _Search(data_dir=data_dir, where=line.where, outside=outside, table=table)
         found, whole = _files(own, search)
@@ -103,13 +103,13 @@ def one_line_a_file(
         others = [file.path for file in found if not file.matches]
         if not matches:
             raise _no_match(line, data_dir, others, "" if whole else "at least ")
-        made += _lines(line, matches)
+        expanded += _lines(line, matches)
         endings = {_ending(file.path) for file in matches}
         beside += [path for path in others if _ending(path) in endings]
-    _refuse_twice(made, data_dir)
-    doubts = _left_out(beside, made, table, data_dir, least)
+    _refuse_twice(expanded, data_dir)
+    doubts = _left_out(beside, expanded, table, data_dir, least)
     return [replace(line, doubts=(*line.doubts, *doubts)) if line.remarks else line
-            for line in made]  # fmt: skip
+            for line in expanded]  # fmt: skip
 
 
 def _pattern(line: TableLine, data_dir: Path, outside: bool) -> FilePattern | None:

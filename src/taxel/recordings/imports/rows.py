@@ -82,12 +82,14 @@ def read_rows(manifest_csv: Path, data_dir: Path, *, outside: bool = False) -> l
         for number, cells in enumerate(lines[1:], start=2)
         if any(cell.strip() for cell in cells)
     ]
-    each = _noted(one_line_a_file(written, manifest_csv, data_dir, outside=outside), manifest_csv)
-    _refuse_half_a_group(each)
-    often = Counter(line.cells["file"] for line in each)
+    table_lines = _noted(
+        one_line_a_file(written, manifest_csv, data_dir, outside=outside), manifest_csv
+    )
+    _refuse_half_a_group(table_lines)
+    often = Counter(line.cells["file"] for line in table_lines)
     return [
         _with_name(row, line)
-        for line in each
+        for line in table_lines
         for row in _rows(line, data_dir, outside, alone=often[line.cells["file"]] == 1)
     ]
 
@@ -164,11 +166,11 @@ def _rows(line: TableLine, data_dir: Path, outside: bool, *, alone: bool) -> lis
     array = re.sub(r"[^A-Za-z0-9_]+", "-", source.what.replace("*", "")).strip("-")
     stem = stem_of(file.name) + (f"-{array}" if array and not alone else "")
     place = f"{named['file']}:{source.what}" if source.what else named["file"]
-    made = []
+    import_rows = []
     for part in trials:
         key, own = source.keys[part.trial.index], {**named, **part.values}
         only = alone and len(trials) == 1
-        made.append(
+        import_rows.append(
             replace(
                 _row(file, own, where),
                 trial=part.trial,
@@ -177,7 +179,7 @@ def _rows(line: TableLine, data_dir: Path, outside: bool, *, alone: bool) -> lis
                 details={"trial": key, "trials": source.what},
             )
         )
-    return made
+    return import_rows
 
 
 def _with_name(row: ImportRow, line: TableLine) -> ImportRow:

@@ -361,10 +361,10 @@ def _all_columns(
         return columns
     taken = {*but, time.column.name if time.column is not None else ""} - {""}
     places = column_places(taken, names)
-    rest = [name for place, name in enumerate(names) if place not in places]
-    if len(rest) > MOST_CHANNELS or not rest:
+    channels = [name for place, name in enumerate(names) if place not in places]
+    if len(channels) > MOST_CHANNELS or not channels:
         raise BadTable(
-            f"between 1 and {MOST_CHANNELS:,} channels in {path}", f"{len(rest):,}",
+            f"between 1 and {MOST_CHANNELS:,} channels in {path}", f"{len(channels):,}",
             "name the channels",
         )  # fmt: skip
-    return [Column(name=name, unit=columns[0].unit) for name in rest]
+    return [Column(name=name, unit=columns[0].unit) for name in channels]

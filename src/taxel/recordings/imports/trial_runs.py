@@ -225,7 +225,7 @@ def _runs(
     path: Path, rows: Iterable[list[str]], keys: int, names: Sequence[str], first_line: int
 ) -> Iterator[_Run]:
     """Yield each trial's rows; `names` are the columns behind the keys, the same in a trial."""
-    seen: set[tuple[str, ...]] = set()
+    seen_keys: set[tuple[str, ...]] = set()
     key: tuple[str, ...] = ()
     values: list[str] = []
     start, row = 0, -1
@@ -234,12 +234,12 @@ def _runs(
             if key:
                 yield _Run(key, tuple(values), start, row)
             key, values, start = tuple(cells[:keys]), cells[keys:], row
-            if key in seen or len(seen) >= MOST_TRIALS or not all(key):
-                raise _no_run(path, key, key in seen, first_line + row)
+            if key in seen_keys or len(seen_keys) >= MOST_TRIALS or not all(key):
+                raise _no_run(path, key, key in seen_keys, first_line + row)
             if not all(values):
                 raise BadTable("a value for each trial", f"nothing in {path}, line "
                                f"{first_line + row}", "fill it in")  # fmt: skip
-            seen.add(key)
+            seen_keys.add(key)
         elif cells[keys:] != values:
             odd = next(n for n, value in enumerate(values) if cells[keys + n] != value)
             raise BadTable(

@@ -105,8 +105,8 @@ class GelCamera:
         """
         depth_mm = float(motion.depth_mm[index])
         middle_mm, turned_rad = motion.object_mm[index], float(motion.object_rad[index])
-        seen = None if shear is None else self._shear.look(shear)
-        free = None if seen is None else seen[2:]
+        sheared = None if shear is None else self._shear.look(shear)
+        free = None if sheared is None else sheared[2:]
         slopes = self._surface.slopes(depth_mm, middle_mm, turned_rad, free)
         moved = self._markers.displacement_px(
             depth_mm=depth_mm,
@@ -115,7 +115,7 @@ class GelCamera:
             patch_mm=motion.patch_mm[index],
             gel_mm=motion.gel_mm[index],
             gel_rad=float(motion.gel_rad[index]),
-            face_mm=None if seen is None else seen[:2],
+            face_mm=None if sheared is None else sheared[:2],
         )
         return *slopes, np.asarray(self._markers.light(*moved), np.float32)
 

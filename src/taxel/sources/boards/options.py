@@ -67,36 +67,36 @@ def read_options(name: str, options: dict[str, str]) -> SerialOptions:
     Raises:
         BadSource: A path is named twice or left out; an option is unknown or of the wrong kind.
     """
-    left = dict(options)
+    unread = dict(options)
     paths = tuple(part.strip() for part in name.split(","))
     if not all(paths) or len(set(paths)) < len(paths):
         raise BadSource(
             "paths of ports joined by commas, each once", repr(name), "list them: taxel find"
         )
-    csv = _one_of(left, "format", ("wire", "csv")) == "csv"
-    unknown = [key for key in (_OF_WIRE if csv else _OF_CSV) if key in left]
-    names = left.pop("channels", "")
-    bundle_ms = _number(left, "bundle_ms", 0.0, 1000.0)
-    late_ms = _number(left, "late_ms", 1.0, 10_000.0)
+    csv = _one_of(unread, "format", ("wire", "csv")) == "csv"
+    unknown = [key for key in (_OF_WIRE if csv else _OF_CSV) if key in unread]
+    names = unread.pop("channels", "")
+    bundle_ms = _number(unread, "bundle_ms", 0.0, 1000.0)
+    late_ms = _number(unread, "late_ms", 1.0, 10_000.0)
     read = SerialOptions(
         paths=paths,
         format="csv" if csv else "wire",
-        baud=int(_number(left, "baud", 300, 12_000_000) or (CSV_BAUD if csv else BAUD)),
-        rate_hz=_number(left, "rate_hz", 0.1 if csv else 1, 65_535),
+        baud=int(_number(unread, "baud", 300, 12_000_000) or (CSV_BAUD if csv else BAUD)),
+        rate_hz=_number(unread, "rate_hz", 0.1 if csv else 1, 65_535),
         channels=tuple(part.strip() for part in names.split(",")) if names else (),
-        time=_one_of(left, "time", ("none", "ms", "us")),
-        unit=left.pop("unit", "count"),
-        full_scale=_number(left, "full_scale", -math.inf, math.inf),
-        zero_is_end=_one_of(left, "zero", ("good", "saturated")) == "saturated",
-        name=left.pop("name", "boards"),
-        wait_s=_number(left, "wait_s", 0.1, 600.0) or HELLO_S,
+        time=_one_of(unread, "time", ("none", "ms", "us")),
+        unit=unread.pop("unit", "count"),
+        full_scale=_number(unread, "full_scale", -math.inf, math.inf),
+        zero_is_end=_one_of(unread, "zero", ("good", "saturated")) == "saturated",
+        name=unread.pop("name", "boards"),
+        wait_s=_number(unread, "wait_s", 0.1, 600.0) or HELLO_S,
         bundle_s=BUNDLE_S if bundle_ms is None else bundle_ms / 1000.0,
         late_s=None if late_ms is None else late_ms / 1000.0,
     )
-    if left or unknown:
+    if unread or unknown:
         raise BadSource(
             f"options of serial:// with format={read.format}",
-            ", ".join(sorted([*left, *unknown])),
+            ", ".join(sorted([*unread, *unknown])),
             "mend the address; docs/how-to/serial-boards.md lists them",
         )
     if not all(read.channels) or len(set(read.channels)) < len(read.channels):

@@ -41,8 +41,8 @@ def touch_figure(buffer: TraceBuffer, title: str) -> bytes:
         buffer: At least one scan; its scale is the colours'.
         title: What is shown.
     """
-    kept = buffer.kept
-    shares = share_of(usable_values(kept), *buffer.scale())
+    samples = buffer.kept
+    shares = share_of(usable_values(samples), *buffer.scale())
     channels = len(buffer.info.channels)
     tall = min(max(_SIDE_INCHES, 1.4 + 0.3 * channels), _TALLEST_INCHES)
     figure = plt.figure(figsize=(11, tall), layout="constrained")
@@ -51,17 +51,19 @@ def touch_figure(buffer: TraceBuffer, title: str) -> bytes:
         heights.append(2 * (tall / _SIDE_INCHES - 1))
     grid = figure.add_gridspec(len(heights), 2, width_ratios=(2.6, 1), height_ratios=heights)
     strongest = _strongest(shares)
-    time_s = kept.fitted_s - kept.fitted_s[0]
+    time_s = samples.fitted_s - samples.fitted_s[0]
     lanes = figure.add_subplot(grid[:, 0])
-    _draw_lanes(lanes, time_s, shares, kept, buffer)
+    _draw_lanes(lanes, time_s, shares, samples, buffer)
     lanes.axvline(float(time_s[strongest]), color="0.4", lw=0.8, ls=":")
-    now = usable_values(kept)[strongest]
+    now = usable_values(samples)[strongest]
     _draw_map(figure.add_subplot(grid[0, 1]), now, shares[strongest], buffer)
     axes = figure.add_subplot(grid[1, 1])
     picture = _draw_image(axes, shares, strongest, buffer.info.rate_hz)
     bar = figure.colorbar(picture, ax=axes, shrink=0.9)
     _label_bar(bar, buffer)
-    figure.suptitle(f"{drawn_name(title)}\n{_facts(kept, buffer)}", fontsize=10, x=0.01, ha="left")
+    figure.suptitle(
+        f"{drawn_name(title)}\n{_facts(samples, buffer)}", fontsize=10, x=0.01, ha="left"
+    )
     raw = io.BytesIO()
     figure.savefig(raw, format="png", dpi=_DPI)
     plt.close(figure)

@@ -106,20 +106,20 @@ def read_command(message: str | bytes) -> Command:
     if len(message) > LARGEST_BYTES or len(message.encode("utf-8", "replace")) > LARGEST_BYTES:
         raise RefusedMessage(f"needed at most {LARGEST_BYTES} bytes")
     try:
-        given = json.loads(message, object_pairs_hook=_once, parse_constant=_no_constant)
+        command = json.loads(message, object_pairs_hook=_once, parse_constant=_no_constant)
     except RefusedMessage:
         raise
     except (ValueError, RecursionError) as error:
         raise RefusedMessage("needed JSON") from error
-    if not isinstance(given, dict):
+    if not isinstance(command, dict):
         raise RefusedMessage("needed a JSON object")
-    name = given.pop("do", None)
+    name = command.pop("do", None)
     if not isinstance(name, str) or name not in _COMMANDS:
         raise RefusedMessage(f"needed do as one of {', '.join(_COMMANDS)}")
     fields, build = _COMMANDS[name]
-    if set(given) != set(fields):
+    if set(command) != set(fields):
         raise RefusedMessage(f"needed exactly {', '.join(('do', *fields))}")
-    return build(given)
+    return build(command)
 
 
 def check_labels(given: object) -> dict[str, str]:

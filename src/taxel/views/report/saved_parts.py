@@ -54,8 +54,8 @@ def saved_part(data: Any, name: str) -> tuple[str, Html]:
             return f"Accuracy against amount of data: {data['target']}", amounts_part(data)
         if isinstance(data, dict) and "curves" in data:
             curves = curves_from_json(data["curves"])
-            held = [curve for curve in curves if math.isfinite(curve.gap[0])]
-            return f"Training: {Path(str(data['bundle'])).name}", curves_part(held or curves)
+            with_gap = [curve for curve in curves if math.isfinite(curve.gap[0])]
+            return f"Training: {Path(str(data['bundle'])).name}", curves_part(with_gap or curves)
         if isinstance(data, list) and data and {"events", "windows", "by"} <= set(data[0]):
             return "Warnings on unseen cups", _warnings(data)
         if isinstance(data, list) and data and {"columns", "preset"} <= set(data[0]):

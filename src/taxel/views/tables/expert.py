@@ -49,8 +49,8 @@ def leaderboard(choice: Choice, *, repeated: bool = False) -> RenderableType:
         ("model", "windows", "loss", "accuracy", "s", "weight"),
     )
     rows = choice.leaderboard
-    shown = [row for place, row in enumerate(rows) if place < SHOWN or row.weight]
-    for row in shown:
+    shown_rows = [row for place, row in enumerate(rows) if place < SHOWN or row.weight]
+    for row in shown_rows:
         weight = f"{row.weight:.2f}" if row.weight else ""
         table.add_row(row.name, row.windows, f"{row.loss:.4f}", f"{row.accuracy:.4f}",
                       f"{row.seconds:.1f}", weight)  # fmt: skip
@@ -59,10 +59,10 @@ def leaderboard(choice: Choice, *, repeated: bool = False) -> RenderableType:
     ]
     if rows:
         lines.append(Text(SETTINGS, style="dim"))
-    if any(", 1 of " in row.windows for row in shown):
+    if any(", 1 of " in row.windows for row in shown_rows):
         lines.append(Text(THINNED, style="dim"))
-    if len(shown) < len(rows):
-        lines.append(Text(f"{len(rows) - len(shown)} more in expert.json", style="dim"))
+    if len(shown_rows) < len(rows):
+        lines.append(Text(f"{len(rows) - len(shown_rows)} more in expert.json", style="dim"))
     if choice.behind:
         lines.append(
             Text(
