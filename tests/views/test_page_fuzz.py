@@ -51,13 +51,13 @@ def cookie(server: PageServer) -> str:
     return answer.headers["set-cookie"].partition(";")[0]
 
 
-def answer_to(server: PageServer, request: bytes) -> bytes:
+def answer_to(server: PageServer, sent: bytes) -> bytes:
     """Send bytes and the end of them; return all that comes back until the server closes."""
     port = int(server.origin.rpartition(":")[2])
     with socket.create_connection(("127.0.0.1", port), timeout=5) as line:
         heard = b""
         try:
-            line.sendall(request)
+            line.sendall(sent)
             line.shutdown(socket.SHUT_WR)
             while part := line.recv(65536):
                 heard += part
@@ -87,19 +87,19 @@ requests = st.builds(
 
 
 @FUZZ
-@given(request=st.binary(max_size=300) | requests)
-def test_any_bytes_on_the_port_leave_the_page_as_it_was(server, cookie, caplog, request):
+@given(sent=st.binary(max_size=300) | requests)
+def test_any_bytes_on_the_port_leave_the_page_as_it_was(server, cookie, caplog, sent):
     caplog.set_level(logging.ERROR)
-    if not isinstance(request, bytes):
-        method, path, version, headers, body = request
+    if not isinstance(sent, bytes):
+        method, path, version, headers, body = sent
         lines = "".join(f"{name}: {value}\r\n" for name, value in headers)
         for sign, true in (
             ("{host}", server.origin.removeprefix("http://")),
             ("{cookie}", cookie),
         ):
             lines = lines.replace(sign, true)
-        request = f"{method} {path} {version}\r\n{lines}\r\n".encode("latin-1") + body
-    heard = answer_to(server, request)
+        sent = f"{method} {path} {version}\r\n{lines}\r\n".encode("latin-1") + body
+    heard = answer_to(server, sent)
     assert heard == b"" or heard.startswith(b"HTTP/1.1 ")
     assert b" 500 " not in heard[:20]
     assert [record.getMessage() for record in caplog.records] == []

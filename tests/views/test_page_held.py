@@ -49,9 +49,9 @@ def port_of(server: PageServer) -> int:
     return int(server.origin.rpartition(":")[2])
 
 
-def opened(server: PageServer, request: bytes = b"") -> socket.socket:
+def opened(server: PageServer, sent: bytes = b"") -> socket.socket:
     held = socket.create_connection(("127.0.0.1", port_of(server)), timeout=5)
-    held.sendall(request)
+    held.sendall(sent)
     return held
 
 
@@ -114,16 +114,16 @@ def dripping(held: list[socket.socket]) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("count", [63, 64, 500])
-@pytest.mark.parametrize("request", [b"", HALF, UPGRADE, BODY], ids=["", "half", "upgrade", "body"])
-def test_the_page_opens_whoever_holds_on(count: int, request: bytes, patient: None):
+@pytest.mark.parametrize("sent", [b"", HALF, UPGRADE, BODY], ids=["", "half", "upgrade", "body"])
+def test_the_page_opens_whoever_holds_on(count: int, sent: bytes, patient: None):
     """Silent sockets, and headers, handshakes and bodies that never end; 63 and the page's own
     connection are as many as the server holds.
     """
     with serve_page(Station()) as server, ExitStack() as stack:
         own = f"127.0.0.1:{port_of(server)}".encode()
-        request = request % (own, own) if b"%b" in request else request
+        sent = sent % (own, own) if b"%b" in sent else sent
         for _ in range(count):
-            stack.enter_context(opened(server, request))
+            stack.enter_context(opened(server, sent))
         see_the_page(server)
 
 
@@ -149,13 +149,13 @@ def test_a_page_that_is_open_stays_open_while_others_hold_on():
             page.send(json.dumps({"do": "seen", "number": number}))
 
 
-@pytest.mark.parametrize("request", [b"", HALF, UPGRADE, b"GET /static/page.js HTTP/1.1\r\n"])
+@pytest.mark.parametrize("sent", [b"", HALF, UPGRADE, b"GET /static/page.js HTTP/1.1\r\n"])
 def test_a_request_that_does_not_come_ends_its_connection(
-    request: bytes, monkeypatch: pytest.MonkeyPatch
+    sent: bytes, monkeypatch: pytest.MonkeyPatch
 ):
     """Where nobody else waits too: within the patience, however the bytes drip in."""
     monkeypatch.setattr(page_server, "PATIENCE_S", SHORT_S)
-    with serve_page(Station()) as server, opened(server, request) as held:
+    with serve_page(Station()) as server, opened(server, sent) as held:
         with dripping([held]):
             began_s = time.monotonic()
             with suppress(ConnectionResetError):
