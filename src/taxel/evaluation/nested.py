@@ -144,15 +144,15 @@ def check_choosing(
                 fitted = fit_within(
                     tried, train, limits, seed=effort.seed, cost=costs, pieces=effort.pieces
                 )
-        choice, windows = fitted.choice, tried.part.prepared
-        tested.append(_test(base, fitted.blend, choice, windows, test))
+        choice, prepared_windows = fitted.choice, tried.part.prepared
+        tested.append(_test(base, fitted.blend, choice, prepared_windows, test))
         index = tested[-1].index
         choices.append(choice)
         started = effort.budget.clock()
         for name in bars:
             if choice.window.steps >= FEWEST_ROWS.get(name, 1):
                 say(name)
-                beside[name].append(_bar(name, base, windows, train, index, effort.seed))
+                beside[name].append(_bar(name, base, prepared_windows, train, index, effort.seed))
         spent = effort.budget.clock() - started
         effort.budget.add(spent)
         bars_s += spent

@@ -113,18 +113,18 @@ def join_scored(parts: list[Scored]) -> Scored:
 
 def result_of(target: str, split: str, windows: Scored, grasps: Scored) -> UnknownResult:
     """Return one target's figures from all test windows, and all test trials."""
-    trained_on = grasps.kind == ""
+    known = grasps.kind == ""
     return UnknownResult(
         target=target,
         split=split,
-        groups=len(set(grasps.group[trained_on])),
+        groups=len(set(grasps.group[known])),
         known_windows=int((windows.kind == "").sum()),
-        known_grasps=int(trained_on.sum()),
+        known_grasps=int(known.sum()),
         rejected_windows=float(windows.rejected[windows.kind == ""].mean()),
-        rejected_grasps=float(grasps.rejected[trained_on].mean()),
+        rejected_grasps=float(grasps.rejected[known].mean()),
         rejected_by_class={
-            str(name): float(grasps.rejected[trained_on & (grasps.truth == name)].mean())
-            for name in sorted(set(grasps.truth[trained_on]))
+            str(name): float(grasps.rejected[known & (grasps.truth == name)].mean())
+            for name in sorted(set(grasps.truth[known]))
         },
         aurocs=tuple(
             _auroc(name, kind, windows, grasps)
