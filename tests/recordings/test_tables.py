@@ -277,8 +277,8 @@ def test_times_of_day_that_pass_midnight_ask_for_dates(tmp_path):
 
 
 @pytest.mark.parametrize(("start", "bits", "unit", "period"), [
-    (4294967275, 32, "us", "4294.9673"), (65515, 16, "ms", "65.536"),
-    (4294967275, 32, "ms", "4294967.3"),
+    (4294967275, 32, "us", "4294.967296"), (65515, 16, "ms", "65.536"),
+    (4294967275, 32, "ms", "4294967.296"),
 ])  # fmt: skip
 def test_a_counter_that_overflows_begins_no_new_trial(tmp_path, start, bits, unit, period):
     """As of an Arduino after 71 minutes: cut there, one trial would become two."""

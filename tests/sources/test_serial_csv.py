@@ -214,6 +214,24 @@ def test_a_link_that_delivers_in_bursts_loses_nothing_where_rows_wait_for_it(
     assert (stream.ledger.late == 0) is (wait_s is not None)
 
 
+@pytest.mark.parametrize(("silent", "most_s"), [(False, 0.001), (True, 0.2)])
+def test_rows_wait_for_a_silent_board_only(silent: bool, most_s: float):
+    """However long they may wait; the second of two boards is silent for 0.2 s."""
+    streams = [CsvStream(name, time="ms", rate_hz=HZ) for name in "ab"]
+    merge = BoardMerge([1, 1], [stream.ledger for stream in streams], HZ, 1.0)
+    waited_s = []
+    for i in range(300):
+        now_s = i / HZ
+        for board, stream in enumerate(streams):
+            if silent and board and 2.0 <= now_s < 2.2:
+                continue
+            for scans in stream.feed([Chunk(now_s, f"{10 * i},{i}\n".encode())]):
+                merge.put(board, scans)
+        given = merge.release(now_s, now_s)
+        waited_s += (now_s - given.fitted_s).tolist()
+    assert max(waited_s[100:]) == pytest.approx(most_s, abs=0.011)
+
+
 def test_bad_lines_are_counted_and_leave_a_hole_and_words_leave_none():
     stream = start()
     (before,) = come(stream, "1,2,3\n")

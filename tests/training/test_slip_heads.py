@@ -87,8 +87,19 @@ def test_poses_that_an_earlier_version_kept_are_found_anew(tmp_path, pours):
     assert asked == [runs]
 
 
-@pytest.mark.parametrize("keeps", [lambda _: b"", lambda _: b"no archive", lambda own: own[:-40],
-                                   lambda own: own[:900] + bytes(200) + own[1100:]])  # fmt: skip
+def with_byte(archive: bytes, at: int, value: int) -> bytes:
+    """An archive with another byte in each entry of its directory."""
+    first, *entries = archive.split(b"PK\1\2")
+    changed = [own[: at - 4] + bytes([value]) + own[at - 3 :] for own in entries]
+    return b"PK\1\2".join([first, *changed])
+
+
+@pytest.mark.parametrize("keeps", [
+    lambda _: b"", lambda _: b"no archive", lambda own: own[:-40],
+    lambda own: own[:900] + bytes(200) + own[1100:],
+    lambda own: with_byte(own, 8, 1),  # encrypted, as it seems
+    lambda own: with_byte(own, 10, 99),  # packed in an unknown way
+])  # fmt: skip
 def test_poses_in_a_damaged_file_are_found_anew(tmp_path, pours, keeps):
     runs = paper_runs(31_000)[:1]
     kept = tmp_path / "a.npz"

@@ -36,7 +36,7 @@ def print_checked(checked: Checked) -> None:
 def _kept_line(checked: Checked) -> str:
     """Return a note on the folds that an interrupted run had already fitted."""
     folds = f"{checked.kept} fold{'s' if checked.kept > 1 else ''}"
-    return f"{folds} kept from a run that was broken off; --fresh fits all of them again"
+    return f"{folds} kept from an interrupted run; --fresh fits all of them again"
 
 
 def warning(checked: Checked) -> str | None:

@@ -118,6 +118,14 @@ def test_a_tested_class_that_was_never_trained_on_is_named() -> None:
         split_trials(groups, y, None, 4, 0, ("hold", "slip", "slpi"))
 
 
+def test_a_class_that_a_table_does_not_train_on_is_named(tmp_path: Path) -> None:
+    table, names = tmp_path / "folds.csv", [f"t{i}" for i in range(16)]
+    table.write_text("group:object,side\no0,train\no1,train\no2,train\no3,test\n")
+    y = np.array([0, 1] * 6 + [0, 1, 2, 2])
+    with pytest.raises(BadSplit, match=r"training side of test; got none of 'slpi' there; name"):
+        split_by_table(names, GROUPS, y, table, ("hold", "slip", "slpi"))
+
+
 def test_a_trial_that_a_table_tests_twice_is_refused(tmp_path: Path) -> None:
     """Its first answer would be overwritten by that of the second repetition."""
     table = tmp_path / "folds.csv"

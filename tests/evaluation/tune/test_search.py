@@ -110,6 +110,27 @@ def test_the_recipe_as_it_is_is_tried_again_where_a_kill_ended_it_alone(
     assert found.as_is == pytest.approx(0.395)
 
 
+def test_the_recipe_as_it_is_is_scored_on_all_folds_also_where_it_comes_late(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Behind better trials it would be pruned, and its score be that of its first fold alone."""
+
+    def submit(work: Work, job: tuple[dict[str, Any], int], name: str) -> Future[JobResult]:
+        return Future() if not job[0] else here(work, job, name=name)
+
+    here = study_module.submit
+    with monkeypatch.context() as patched:
+        patched.setattr(study_module, "submit", submit)
+        patched.setattr(study_module, "width", lambda: 2)
+        with pytest.raises(Broken):
+            run(url, search(Work(break_at=2 * study_module.STARTUP + 2)))
+    again = Work()
+    found = run(url, search(again, trials=study_module.STARTUP))
+
+    assert again.jobs == [({}, 0), ({}, 1)]
+    assert found.as_is == pytest.approx(0.395)
+
+
 def test_a_finished_search_runs_nothing_again(url: str) -> None:
     found = run(url, search(Work(), trials=2))
     again = Work()

@@ -110,7 +110,9 @@ class TrialOptions:
         from taxel.evaluation.camera_trials.sides import left_out, split_by_table, split_trials
 
         if self.folds is not None:
-            split = split_by_table(trials.names, trials.groups, trials.y, self.folds)
+            split = split_by_table(
+                trials.names, trials.groups, trials.y, self.folds, trials.classes
+            )
             if note := left_out(split, len(trials.names)):
                 say_aside(f"note: {note}")
             return split

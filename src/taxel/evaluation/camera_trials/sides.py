@@ -92,7 +92,11 @@ def split_trials(
 
 
 def split_by_table(
-    names: Sequence[str], groups: Groups, y: NDArray[np.intp], path: Path
+    names: Sequence[str],
+    groups: Groups,
+    y: NDArray[np.intp],
+    path: Path,
+    classes: Sequence[str] = (),
 ) -> TrialSplit:
     """Return the split that a table of folds writes down.
 
@@ -104,6 +108,7 @@ def split_by_table(
         groups: Of each trial.
         y: Shape (trials,): class.
         path: The table, as `taxel.evaluation.fold_table` describes it.
+        classes: Names of the classes, for messages; their numbers unless given.
 
     Raises:
         BadTable: The table is not as it should be.
@@ -118,9 +123,12 @@ def split_by_table(
             np.array(sorted({at for row in rows for at in matching[row]}), np.intp)
             for rows in ((*fold.train, *fold.validation), fold.test)
         )
-        if set(y[train].tolist()) != set(y.tolist()):
-            raise BadSplit(f"every class on the training side of {fold.name}",
-                           "one that is missing", "mend the table")  # fmt: skip
+        if lacking := sorted(set(y.tolist()) - set(y[train].tolist())):
+            raise BadSplit(
+                f"every class on the training side of {fold.name}",
+                f"none of {_called(lacking[0], classes)} there",
+                "name some of them for training, or leave them out of the recordings",
+            )  # fmt: skip
         sides.append(TrialFold.of(fold.name, train, test))
     often = Counter(at for fold in sides for at in fold.test)
     refuse_twice(table.name, names, [often[at] for at in range(len(names))])
@@ -319,10 +327,14 @@ def _one(
             "name another split",
         )  # fmt: skip
     if unknown := sorted(set(y[test].tolist()) - set(y[train].tolist())):
-        of = repr(classes[unknown[0]]) if classes else f"class {unknown[0]}"
         raise BadSplit(
             "every class in the training part",
-            f"none of {of} there, {int((y == unknown[0]).sum())} to test",
+            f"none of {_called(unknown[0], classes)} there, {int((y == unknown[0]).sum())} to test",
             "train on some of them too, leave them out, or name another split",
         )  # fmt: skip
     return TrialSplit(name, (TrialFold.of(name, train, test),), interval_group(groups) or "trial")
+
+
+def _called(number: int, classes: Sequence[str]) -> str:
+    """Return what a class is called in a message: by its number where no names are known."""
+    return repr(classes[number]) if classes else f"class {number}"

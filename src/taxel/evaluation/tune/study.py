@@ -202,8 +202,8 @@ class Store:
             if not last:
                 if math.isfinite(mean):
                     running.trial.report(mean, len(running.scores))
-                if not running.trial.should_prune():
-                    return True
+                if not running.values or not running.trial.should_prune():
+                    return True  # the recipe as it is has all folds: others are compared with it
             elif not math.isfinite(mean):
                 raise BadSplit(
                     "inner folds with all classes in training",

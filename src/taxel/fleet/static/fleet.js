@@ -9,8 +9,8 @@ const state = document.getElementById("state");
 async function enter() {
   const key = location.hash.slice(1);
   if (!key) return;
-  history.replaceState(null, "", location.pathname);
   await fetch("/enter", { method: "POST", body: key, signal: AbortSignal.timeout(WAIT_MS) });
+  history.replaceState(null, "", location.pathname); // Only now: without an answer it is needed again.
 }
 
 function cell(text, kind = "") {

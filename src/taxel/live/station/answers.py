@@ -69,13 +69,14 @@ class Answers:
             given_up: Recognisers whose process is not started again: what they answered last is
                 not of what is in the hand now.
         """
-        return [
-            _ended(title, recogniser["who"])
-            if recogniser["who"] in given_up
-            else _as_shown(title, note)
-            for recogniser, title in zip(self._recognisers, titles(self._recognisers), strict=True)
-            if (note := self._newest.get(recogniser["who"])) is not None
-        ]
+        found = []
+        for recogniser, title in zip(self._recognisers, titles(self._recognisers), strict=True):
+            who = recogniser["who"]
+            if who in given_up:  # also where it never answered: no window will be complete
+                found.append(_ended(title, who))
+            elif who in self._newest:
+                found.append(_as_shown(title, self._newest[who]))
+        return found
 
     def summary(self) -> list[dict[str, Any]]:
         """Return how many windows of each recogniser had which answer."""

@@ -323,7 +323,7 @@ def _began_anew(time_s: NDArray[np.float64], steps: NDArray[np.float64]) -> tupl
     for period in _COUNTERS_S:
         if 0 < 100 * usual < period and abs(period + steps.min() - usual) <= 2 * usual:
             mend = (
-                f"if the device's counter of {period:.9g} s began anew there, add {period:.9g} s "
+                f"if the device's counter of {period:.10g} s began anew there, add {period:.10g} s "
                 "to the times from that line on"
             )
             return int(np.argmin(steps)) + 1, mend
