@@ -141,13 +141,13 @@ def test_where_no_output_can_take_its_place_both_stay_until_the_next_sweep(
             raise OSError(errno.EIO, "Input/output error")
         real(source, target)
 
+    monkeypatch.setattr(os, "replace", first_alone)
     with (
-        monkeypatch.context() as patched,
         pytest.raises(OSError, match="Input/output"),
         new_folder(tmp_path / "set", ["a.mcap"], overwrite=True) as made,
     ):
         (made / "a.mcap").write_text("newer")
-        patched.setattr(os, "replace", first_alone)
+    monkeypatch.undo()
     assert not (tmp_path / "set").exists()
     sweep(tmp_path)
     assert names(tmp_path) == ["set"]
