@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taxel.bundles import model_trial
 from taxel.bundles.contract import Contract, contract_from_json, contract_to_json
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import Classifier, write_bundle
@@ -102,6 +103,7 @@ def test_a_full_disk_of_scratch_files_is_blamed_and_not_the_bundle(
     def full() -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
+    monkeypatch.setattr(model_trial, "_tried", set())  # else it was tried in another test
     monkeypatch.setattr(tempfile, "TemporaryFile", full)
     with pytest.raises(RecordingFailed, match=r"models in .*; got No space left on device; free"):
         read_bundle(path)
