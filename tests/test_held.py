@@ -127,6 +127,33 @@ def test_a_kill_between_the_old_output_s_going_and_the_new_one_s_coming_loses_ne
     assert (tmp_path / "set" / "a.mcap").read_text() == "newer"
 
 
+def test_where_no_output_can_take_its_place_both_stay_until_the_next_sweep(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A disk that answers no rename any more gets neither the older nor the newer removed."""
+    (tmp_path / "set").mkdir()
+    (tmp_path / "set" / "a.mcap").write_text("older")
+    real, calls = os.replace, list[Path]()
+
+    def first_alone(source: Path, target: Path) -> None:
+        calls.append(target)
+        if len(calls) > 1:
+            raise OSError(errno.EIO, "Input/output error")
+        real(source, target)
+
+    monkeypatch.setattr(os, "replace", first_alone)
+    with (
+        pytest.raises(OSError, match="Input/output"),
+        new_folder(tmp_path / "set", ["a.mcap"], overwrite=True) as made,
+    ):
+        (made / "a.mcap").write_text("newer")
+    monkeypatch.undo()
+    assert not (tmp_path / "set").exists()
+    sweep(tmp_path)
+    assert names(tmp_path) == ["set"]
+    assert (tmp_path / "set" / "a.mcap").read_text() == "newer"
+
+
 def test_a_second_writer_of_one_output_is_refused_by_the_first_one_s_number(tmp_path: Path):
     first = Holder("write", tmp_path / "run")
     words = f"run for this process alone; got another that writes it, process {first.process.pid}"

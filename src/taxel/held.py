@@ -63,7 +63,9 @@ def scratch_folder(beside: Path, option: str = "--output") -> Iterator[Path]:
             raise _refused(beside, error, option) from error
         yield folder
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        with suppress(OSError):  # an error or Ctrl-C just as it took an older one's place
+            _finish(folder)
+            shutil.rmtree(folder, ignore_errors=True)
         if owner is not None:
             os.close(owner)
 
@@ -192,8 +194,8 @@ def _finish(folder: Path) -> None:
 
     Where the new ones are gone, the replaced ones get their name back.
     """
-    made = output_of(folder / MADE)
-    if made is None or not (folder / REPLACED).exists():
+    made = output_of(folder / MADE) if (folder / REPLACED).exists() else None
+    if made is None:
         return
     output = folder.parent / made.name  # its path may be relative to another folder
     if output.exists():

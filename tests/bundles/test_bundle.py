@@ -1,17 +1,20 @@
 """A bundle gives what was trained, and a damaged one is refused."""
 
+import errno
 import json
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from taxel.bundles import model_trial
 from taxel.bundles.contract import Contract, contract_from_json, contract_to_json
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import Classifier, write_bundle
 from taxel.decisions.unknown import Density, NoveltyTest, Unknown
-from taxel.errors import BadBundle
+from taxel.errors import BadBundle, RecordingFailed
 from taxel.models.cnn2d import Cnn2d
 from taxel.signals import SensorInfo
 from taxel.training.loop import new_network, predict
@@ -92,6 +95,18 @@ def test_a_file_cut_short_is_refused(path: Path, size: int) -> None:
 def test_a_missing_bundle_says_how_to_write_one(tmp_path: Path) -> None:
     with pytest.raises(BadBundle, match="taxel bundle"):
         read_bundle(tmp_path / "none.taxel")
+
+
+def test_a_full_disk_of_scratch_files_is_blamed_and_not_the_bundle(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full() -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(model_trial, "_tried", set())  # else it was tried in another test
+    monkeypatch.setattr(tempfile, "TemporaryFile", full)
+    with pytest.raises(RecordingFailed, match=r"models in .*; got No space left on device; free"):
+        read_bundle(path)
 
 
 def test_an_export_that_differs_is_not_written(

@@ -52,6 +52,12 @@ def test_a_page_may_be_asked_for_anywhere_in_the_line(line: str, page: str | Non
         ("127.0.0.1", True),
         ("lab:99999", True),
         (":", True),
+        ("lab:http", True),
+        ("127.0.0.1:-1", True),
+        ("127.0.0.1:80.5", True),
+        ("day:2.taxel", False),
+        (r"C:\bundle", False),
+        ("D:/bundle", False),
     ],
 )
 def test_what_is_meant_for_an_address_is_refused_as_one_where_it_is_wrong(

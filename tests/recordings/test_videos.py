@@ -1,5 +1,6 @@
 """Claims about imported videos: frames come in pairs, and what cannot be trusted is refused."""
 
+from fractions import Fraction
 from pathlib import Path
 
 import cv2
@@ -216,3 +217,31 @@ def test_images_whose_order_their_names_leave_open_are_refused(tmp_path: Path) -
                                     ("12.30.9.png", "12.30.10.png", "12.31.0.png"),
                                     ("t0.5.png", "t0.25.5.png")]):  # fmt: skip
         assert open_footage(stills(tmp_path / f"{number}", *names)).count == len(names)
+
+
+@pytest.mark.parametrize(("at_ms", "uneven"), [
+    ([0, 40, 80, 120, 160], False), ([0, 44, 80, 124, 160], False), ([0, 40, 80, 200, 240], True),
+])  # fmt: skip
+def test_frames_that_are_not_evenly_spaced_are_reported(
+    tmp_path: Path, at_ms: list[int], uneven: bool
+) -> None:
+    """They are taken as if they were, as of every video; jitter below half a period is usual."""
+    av = pytest.importorskip("av")
+    path = tmp_path / "a.mkv"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("mpeg4", rate=25, width=64, height=48, pix_fmt="yuv420p")
+        stream.codec_context.time_base = Fraction(1, 1000)
+        for time_ms in at_ms:
+            frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), (160, 90, 20), np.uint8))
+            frame.pts, frame.time_base = time_ms, Fraction(1, 1000)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    found: list[Video] = []
+    (made,) = import_videos(
+        [VideoRow(name="a", files={"pad": path})], tmp_path / "out", on_uneven=found.append
+    )
+
+    assert [video.path for video in found] == [path] * uneven
+    assert len(list(iterate_frames(made))) == len(at_ms)
+    if uneven:
+        assert found[0].steps_s == pytest.approx((0.04, 0.12))

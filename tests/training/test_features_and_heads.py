@@ -1,5 +1,8 @@
 """Claims about features on disk and heads that learn from them."""
 
+import signal
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from taxel.frame_codec import decode_jpeg
-from taxel.training.frames.features import Progress, extract
+from taxel.training.frames.features import Progress, extract, load_kept, save_kept
 from taxel.training.frames.heads import PAPER, HeadConfig, Track, fit_head
 from taxel.training.frames.labels import change_signals, frame_labels
 from taxel.windows.camera_recordings import frame_sets, read_camera_recordings
@@ -29,6 +32,16 @@ class Means:
     def of(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
         self.seen += len(images)
         return np.stack([image.mean(axis=(0, 1)) for image in images]).astype(np.float32)
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+import numpy as np
+from taxel.training.frames.features import save_kept
+np.save = lambda *_, **__: os.kill(os.getpid(), signal.SIGKILL)
+save_kept(Path(sys.argv[1]), np.ones((2, 3), np.float32))
+"""
 
 
 def test_each_different_image_is_computed_once_and_never_again(
@@ -174,3 +187,16 @@ def test_the_papers_settings_leave_features_as_they_are() -> None:
 
     assert np.array_equal(paper.scale(track.features()), track.features())
     assert abs(ours.scale(track.features()).mean()) < 0.01
+
+
+def test_what_a_killed_process_left_in_the_cache_goes_with_the_next_that_is_kept(
+    tmp_path: Path,
+) -> None:
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path / "a.npy")], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    assert len(list(tmp_path.iterdir())) == 1
+
+    save_kept(tmp_path / "b.npy", np.ones((2, 3), np.float32))
+
+    assert list(tmp_path.iterdir()) == [tmp_path / "b.npy"]
+    np.testing.assert_array_equal(load_kept(tmp_path / "b.npy", 3), np.ones((2, 3)))

@@ -1,7 +1,9 @@
 """A run's folder that cannot be read is one plain line."""
 
 import json
+import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,7 @@ import numpy as np
 import pytest
 
 from taxel.bundles.contract import Contract
-from taxel.errors import BadInput
+from taxel.errors import BadInput, RecordingFailed
 from taxel.training.curves import Epoch
 from taxel.training.loop import TrainConfig
 from taxel.training.run import Run, load_run, save_run
@@ -61,3 +63,24 @@ def test_unknown_and_missing_fields_are_one_plain_line(
     with pytest.raises(BadInput, match="a run in") as found:
         load_run(folder, weights=False)
     assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize("broken", [OSError(5, "Input/output error"), KeyboardInterrupt()])
+def test_a_run_that_takes_an_older_one_s_place_loses_neither_where_that_breaks_off(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, broken: BaseException
+) -> None:
+    """At any moment one of both has the name, or a hidden folder from which it gets it back."""
+    run, real, calls = load_run(folder, weights=False), os.replace, list[object]()
+
+    def replace_once(source: str, target: str) -> None:
+        calls.append(target)
+        if len(calls) == 2:
+            raise broken
+        real(source, target)
+
+    monkeypatch.setattr(os, "replace", replace_once)
+    with pytest.raises((RecordingFailed, KeyboardInterrupt)):
+        save_run(folder, replace(run, data="newer"))
+
+    assert load_run(folder, weights=False).data == "newer"
+    assert [path.name for path in folder.parent.iterdir()] == [folder.name]

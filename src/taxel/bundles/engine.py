@@ -8,12 +8,11 @@ from __future__ import annotations
 from typing import Any, Literal, Protocol
 
 import numpy as np
-import onnxruntime
 from numpy.typing import NDArray
 
 from taxel.errors import BadBundle, MissingExtra
 from taxel.models.devices import CPU
-from taxel.models.onnx_session import open_session
+from taxel.models.onnx_session import open_session, run_session
 from taxel.side_by_side import SideBySide
 
 EngineName = Literal["onnxruntime", "openvino"]
@@ -53,18 +52,11 @@ class _OnnxRuntime:
     def run(self, **inputs: NDArray[Any]) -> NDArray[np.float32]:
         rows = min(len(values) for values in inputs.values())
         if not 1 < rows <= self._threads:
-            return _output(self._together, inputs)
+            return run_session(self._together, inputs)
         parts = [
             {name: values[row : row + 1] for name, values in inputs.items()} for row in range(rows)
         ]
-        return np.concatenate(self._beside.map(lambda part: _output(self._alone, part), parts))
-
-
-def _output(
-    session: onnxruntime.InferenceSession, inputs: dict[str, NDArray[Any]]
-) -> NDArray[np.float32]:
-    found: NDArray[np.float32] = session.run(None, inputs)[0]
-    return found
+        return np.concatenate(self._beside.map(lambda part: run_session(self._alone, part), parts))
 
 
 class _OpenVino:

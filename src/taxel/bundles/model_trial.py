@@ -13,15 +13,16 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from numpy.typing import NDArray
 
 from taxel.bundles.envelope import to_npy
-from taxel.errors import BadBundle
+from taxel.errors import BadBundle, RecordingFailed
 from taxel.foreign.files import MIB
 
 _CHILD = Path(__file__).with_name("trial_child.py")
@@ -78,11 +79,29 @@ def try_models(trials: Sequence[Trial]) -> None:
         _tried.add(digest.hexdigest())
 
 
+@contextmanager
+def _order(content: Sequence[bytes]) -> Iterator[IO[bytes]]:
+    """Give a file without a name that holds a content.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    with ExitStack() as stack:
+        try:
+            order = stack.enter_context(tempfile.TemporaryFile())
+            for part in content:
+                order.write(part)
+            order.seek(0)
+        except OSError as error:
+            raise RecordingFailed(
+                f"needed room for a bundle's models in {tempfile.gettempdir()}; got "
+                f"{error.strerror or error}; free space, or name another folder in TMPDIR."
+            ) from error
+        yield order
+
+
 def _run(content: Sequence[bytes]) -> None:
-    with tempfile.TemporaryFile() as order:
-        for part in content:
-            order.write(part)
-        order.seek(0)
+    with _order(content) as order:
         # -P: the folder that the user stands in is nobody's package.
         child = subprocess.Popen(
             [sys.executable, "-P", str(_CHILD)],

@@ -14,6 +14,7 @@ from taxel.cli.options.rules import Only
 from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
+from taxel.recordings.whole import check_place
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +73,8 @@ class Bench:
                 f"--page with `{self.name}`{' and --only' if self.only else ''}",
                 "leave --page out, or measure all faults",
             )
+        if self.page is not None:
+            check_place(self.page)
         bench = import_module(f"taxel.bench.{self.name.replace('-', '_')}.steps")
         folder = store_folder(self.store) if self.full else None
         with self.work.open(), progress() as bar:

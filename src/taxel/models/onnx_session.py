@@ -5,6 +5,7 @@ Knows nothing about bundles, windows or what the numbers mean.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -38,8 +39,31 @@ class WindowModel:
         feed: dict[str, NDArray[Any]] = {"values": values}
         if self._masked:
             feed["mask"] = mask
-        found: NDArray[np.float32] = self._session.run(None, feed)[0]
-        return found
+        return run_session(self._session, feed)
+
+
+def run_session(
+    session: onnxruntime.InferenceSession, inputs: Mapping[str, NDArray[Any]]
+) -> NDArray[np.float32]:
+    """Return a model's first output.
+
+    Raises:
+        BadBundle: ONNX Runtime refuses the inputs, or the output is no real numbers.
+    """
+    try:
+        found: NDArray[np.float32] = session.run(None, inputs)[0]
+    except Exception as error:  # onnxruntime's own errors share no public base
+        raise _unfit(f"one that ONNX Runtime refuses for them ({one_line(error)})") from error
+    if found.dtype.kind != "f":
+        raise _unfit(f"one that gives {found.dtype}")
+    return found
+
+
+def _unfit(got: str) -> BadBundle:
+    return BadBundle(
+        "a model that gives real numbers for its windows", got,
+        "write it again with this version of taxel",
+    )  # fmt: skip
 
 
 def one_line(error: Exception) -> str:

@@ -12,8 +12,6 @@ Background of our choices: docs/decisions/0007.
 from __future__ import annotations
 
 import json
-import os
-import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -36,6 +34,7 @@ from taxel.foreign.json_text import Fields, read_json
 from taxel.foreign.records import record_of
 from taxel.models.blend import EXPERT, Blend
 from taxel.models.catalogue import count_parameters, find_network
+from taxel.recordings.whole import whole_folder
 from taxel.training.checkpoints import load_weights, save_weights
 from taxel.training.curves import Curve, Epoch, curves_from_json, curves_to_json
 from taxel.training.environment import Provenance
@@ -112,12 +111,9 @@ def save_run(folder: Path, run: Run) -> None:
     Raises:
         RecordingFailed: The disk refused.
     """
-    temporary = folder.with_name(folder.name + ".part")
     try:
-        _write_run(temporary, run)
-        if folder.exists():
-            shutil.rmtree(folder)
-        os.replace(temporary, folder)
+        with whole_folder(folder) as made:
+            _write_run(made, run)
     except TaxelError:
         raise
     except OSError as error:
@@ -125,8 +121,6 @@ def save_run(folder: Path, run: Run) -> None:
             f"needed to write {folder}; got {error.strerror or error}; "
             "make room or choose another place."
         ) from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def save_at_level(folder: Path, run: Run, level: NDArray[np.float32]) -> None:
@@ -152,8 +146,6 @@ def save_at_level(folder: Path, run: Run, level: NDArray[np.float32]) -> None:
 
 
 def _write_run(temporary: Path, run: Run) -> None:
-    shutil.rmtree(temporary, ignore_errors=True)
-    temporary.mkdir(parents=True)
     for index, network in enumerate(run.networks):
         save_weights(temporary / f"weights-{index}.safetensors", network, {})
     about = {

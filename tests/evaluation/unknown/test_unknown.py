@@ -163,6 +163,14 @@ def test_nothing_unknown_is_refused(dataset: Dataset):
         find_unknown(dataset, kinds_of(dataset, "shape", ["cone"]), CONFIG)
 
 
+@pytest.mark.parametrize("left", [0, 1])
+def test_fewer_than_two_classes_to_learn_are_refused(dataset: Dataset, left: int):
+    """All classes were named, or all but one."""
+    kinds = kinds_of(dataset, "shape", dataset.classes("shape")[left:])
+    with pytest.raises(BadDataset, match=f"two or more classes to learn; got {left}"):
+        find_unknown(dataset, kinds, CONFIG)
+
+
 @pytest.mark.parametrize("width", [95, 110])
 def test_the_tables_hold_every_score_and_the_least_and_no_figure_is_cut(
     found: UnknownResult, width: int

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from taxel.cli.printing import say
-from taxel.errors import BadInput
 
 
 def older_page(html: Path | None) -> bool:
@@ -16,19 +15,15 @@ def older_page(html: Path | None) -> bool:
     """
     if html is None:
         return False
+    from taxel.recordings.whole import check_place
     from taxel.views.report.page import check_page
 
-    if not _may_hold(html.parent):
-        raise BadInput("a file for --html", str(html), "name one such as report.html")
-    return check_page(html)
+    older = check_page(html)
+    check_place(html)
+    return older
 
 
 def say_page(html: Path | None, older: bool, *, silent: bool) -> None:
     """Name the page that was written, but where JSON is printed."""
     if html is not None and not silent:
         say(f"page with figures: {html}{', replaced' if older else ''}")
-
-
-def _may_hold(folder: Path) -> bool:
-    """Return whether a file can lie there: it is a folder, or could become one."""
-    return folder.is_dir() if folder.exists() else _may_hold(folder.parent)

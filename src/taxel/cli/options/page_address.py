@@ -14,8 +14,9 @@ LOCAL_ADDRESS = "127.0.0.1:0"
 """Where a page listens unless told: this machine alone, at a free port."""
 PageAddress = Annotated[str | None, tyro.conf.arg(metavar="[HOST:PORT]")]
 """Type of an option `--page`: an address, or `LOCAL_ADDRESS` where none was typed behind it."""
-_MEANT = re.compile(r"(?!.*://)(\S*:[0-9]*|[0-9.]+)")
-"""What stands for an address, also for one that is wrong; a bundle or a source does not."""
+_MEANT = re.compile(r"(?!.*://)([0-9.]+(:\S*)?|\S*:[^\s./\\]*)")
+"""What stands for an address, also for one that is wrong; a bundle or a source does not: a bundle
+ends in .taxel, or comes behind a slash."""
 
 
 def with_addresses(words: Sequence[str]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import tyro
 
@@ -13,6 +13,7 @@ from taxel.cli.options.rules import Only
 from taxel.cli.printing import command, print_json, progress, say, say_aside
 from taxel.cli.recordings.export.need import need_packages
 from taxel.errors import BadInput, MissingExtra
+from taxel.plain_text import visible
 from taxel.recordings.imports.header import table_cells
 from taxel.recordings.imports.importing import ImportOptions, import_rows, intervals_of
 from taxel.recordings.imports.intervals import Interval
@@ -21,6 +22,9 @@ from taxel.recordings.imports.notes import FileFacts, notes_of
 from taxel.recordings.imports.rows import ImportRow, read_rows
 from taxel.recordings.imports.spelling import look_alikes
 from taxel.recordings.imports.video_rows import VideoRow
+
+if TYPE_CHECKING:
+    from taxel.recordings.imports.footage import Video
 
 LEROBOT = "lerobot"
 """In the table's place: a data set of LeRobot's, in the folder --data."""
@@ -171,14 +175,30 @@ class Import:
             raise self._no_folder()
         else:
             rows = KNOWN_VIDEOS[self.table](self.data)
-        made = import_videos(rows, self.output, overwrite=self.overwrite, progress=progress)
-        return made, _notes(rows)
+        uneven: list[Video] = []
+        made = import_videos(
+            rows, self.output, overwrite=self.overwrite, progress=progress, on_uneven=uneven.append
+        )
+        return made, [*_notes(rows), *_uneven_note(uneven)]
 
 
 def _notes(parts: Sequence[ImportRow | VideoRow | Interval]) -> list[str]:
     """Return a line for each lot of labels or groups that may be one, differently typed."""
     return [*look_alikes("label", (part.labels for part in parts)),
             *look_alikes("group", (part.groups for part in parts))]  # fmt: skip
+
+
+def _uneven_note(videos: Sequence[Video]) -> list[str]:
+    """Return a line on videos whose frames are not evenly spaced, if there are any."""
+    if not videos:
+        return []
+    first, more = videos[0], len(videos) - 1
+    least_s, most_s = first.steps_s or (0.0, 0.0)
+    return [
+        f"frames of {visible(first.path.name)}{f' and {more} more' if more else ''} are not "
+        f"evenly spaced, {least_s:.3f} to {most_s:.3f} s apart; they were taken as if they were; "
+        "where time matters, write the video at one rate first: ffmpeg -i VIDEO -r RATE NEW"
+    ]
 
 
 def _of_videos(table: Path) -> bool:

@@ -85,6 +85,8 @@ def find_unknown(
     if not np.any((kinds != "") & (kinds != "-")):
         raise BadDataset("trials that are not learned", "none", "name values that the labels have")
     known = _subset(dataset, kinds == "")
+    if (left := len(known.classes(config.target))) < 2:
+        raise BadDataset("two or more classes to learn", f"{left}", "name fewer with --never")
     key = config.group or coarsest_group(known.trials)
     split = by_group(known, config.target, key, config.folds, config.seed)
     windows, grasps = [], []

@@ -10,6 +10,7 @@ Background of our choices: docs/decisions/0041.
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from decimal import Decimal
@@ -60,6 +61,9 @@ def open_footage(path: Path) -> Footage:
     return Video(path)
 
 
+_MOST_UNEVEN = 0.5
+"""Of a frame's period, by which the steps of a video may differ: cameras jitter. Source: our
+choice, docs/decisions/0041."""
 _WITHOUT_COUNT = (".mkv", ".webm")
 """Endings of files that do not say how many frames they hold: OpenCV guesses it by their length in
 time and their rate."""
@@ -81,6 +85,9 @@ class Video:
             )  # fmt: skip
         _refuse_cut(path)
         self._capture = cv2.VideoCapture(str(path))
+        self.steps_s: tuple[float, float] | None = None
+        """Shortest and longest time from frame to frame, by the file's time stamps, once `frames`
+        has given two."""
         self.count = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
         self.rate_hz = float(self._capture.get(cv2.CAP_PROP_FPS))
         self.width = int(self._capture.get(cv2.CAP_PROP_FRAME_WIDTH))
@@ -109,6 +116,7 @@ class Video:
         Raises:
             BadTable: There are fewer or more than the file says, or one has another size.
         """
+        before_s = math.nan
         for number in range(self.count):
             read, bgr = self._capture.read()
             if not read:
@@ -118,6 +126,12 @@ class Video:
                     "copy it again; if it plays to its end, write it anew at one rate: "
                     "ffmpeg -i VIDEO -r RATE NEW",
                 )  # fmt: skip
+            time_s = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
+            if number:
+                step_s = time_s - before_s
+                least_s, most_s = self.steps_s or (step_s, step_s)
+                self.steps_s = min(least_s, step_s), max(most_s, step_s)
+            before_s = time_s
             _same_size(self, bgr)
             if number == self.count - 1 and self._capture.grab():
                 raise BadTable(
@@ -125,6 +139,12 @@ class Video:
                     "write it anew at one rate: ffmpeg -i VIDEO -r RATE NEW",
                 )  # fmt: skip
             yield np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
+
+    def uneven(self) -> bool:
+        """Return whether times from frame to frame differ by more than half a frame's period."""
+        return self.steps_s is not None and (
+            (self.steps_s[1] - self.steps_s[0]) * self.rate_hz > _MOST_UNEVEN
+        )
 
     def frames_at(self, numbers: Sequence[int]) -> Iterator[NDArray[np.uint8]]:
         """Yield some frames by their numbers from 0, shape (height, width, 3), red first.

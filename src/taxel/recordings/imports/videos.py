@@ -14,7 +14,7 @@ from pathlib import Path
 
 from taxel.errors import BadTable
 from taxel.frame_codec import encode_jpeg
-from taxel.recordings.imports.footage import Footage, coloured, open_footage
+from taxel.recordings.imports.footage import Footage, Video, coloured, open_footage
 from taxel.recordings.imports.video_rows import VideoRow
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.whole import new_folder
@@ -33,6 +33,7 @@ def import_videos(
     *,
     overwrite: bool = False,
     progress: Callable[[int, int], None] | None = None,
+    on_uneven: Callable[[Video], None] = lambda _: None,
 ) -> list[Path]:
     """Write one recording for each row, all or none.
 
@@ -41,6 +42,7 @@ def import_videos(
         output_dir: Folder to be made.
         overwrite: Replace an existing folder that holds nothing else than these.
         progress: Called with recordings done and in all.
+        on_uneven: Called with each video whose frames are not evenly spaced; they are taken so.
 
     Raises:
         BadTable: A video is missing, empty, cut short, grey, or unlike its partner.
@@ -49,13 +51,16 @@ def import_videos(
     files = [f"{row.name}.mcap" for row in rows]
     with new_folder(output_dir, files, overwrite=overwrite) as made:
         for done, (row, file) in enumerate(zip(rows, files, strict=True), 1):
-            _import_row(row, made / file)
+            for video in _import_row(row, made / file):
+                if isinstance(video, Video) and video.uneven():
+                    on_uneven(video)
             if progress is not None:
                 progress(done, len(rows))
     return [output_dir / file for file in files]
 
 
-def _import_row(row: VideoRow, path: Path) -> None:
+def _import_row(row: VideoRow, path: Path) -> list[Footage]:
+    """Write a row's recording; return what it was made of, closed."""
     videos = {name: open_footage(file) for name, file in row.files.items()}
     try:
         rate_hz = row.rate_hz or same_rate(row.name, videos)
@@ -95,6 +100,7 @@ def _import_row(row: VideoRow, path: Path) -> None:
     finally:
         for video in videos.values():
             video.close()
+    return list(videos.values())
 
 
 def same_rate(name: str, videos: Mapping[str, Footage]) -> float:

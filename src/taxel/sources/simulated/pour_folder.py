@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from taxel.errors import BadFile, BadInput, RecordingFailed
+from taxel.foreign.files import sha256_of
 from taxel.foreign.json_text import read_json
 from taxel.held import only_writer
 from taxel.jobs.call import code_digest
@@ -100,8 +101,8 @@ def finish_run(
 ) -> dict[str, Any]:
     """Write a run's recording, and when it is whole its row; a job for any worker."""
     row = write_run(folder / _MADE, run, config, camera_hz)
-    size = (folder / _MADE / f"{run.name}.mcap").stat().st_size
-    text = json.dumps({"key": key, "bytes": size, "row": row})
+    digest = _digest(folder / _MADE / f"{run.name}.mcap")
+    text = json.dumps({"key": key, "sha256": digest, "row": row})
     write_whole(folder / _ROWS / f"{run.name}.json", text.encode())
     return row
 
@@ -116,6 +117,11 @@ def _key(run: PourRun, config: CupPourConfig, camera_hz: float) -> str:
     return hashlib.sha256(json.dumps(about, sort_keys=True, default=str).encode()).hexdigest()
 
 
+def _digest(recording: Path) -> str:
+    """Return the SHA-256 of a recording that was made here, hexadecimal."""
+    return sha256_of(recording, recording.stat().st_size)
+
+
 def _finished(folder: Path, runs: Sequence[tuple[PourRun, str]]) -> dict[str, dict[str, Any]]:
     """Return the rows of recordings that are whole already."""
     found = {}
@@ -123,7 +129,7 @@ def _finished(folder: Path, runs: Sequence[tuple[PourRun, str]]) -> dict[str, di
         recording = folder / _MADE / f"{run.name}.mcap"
         with suppress(OSError, BadFile, KeyError, TypeError, ValueError):
             kept = read_json(folder / _ROWS / f"{run.name}.json")
-            if kept["key"] == key and kept["bytes"] == recording.stat().st_size:
+            if kept["key"] == key and kept["sha256"] == _digest(recording):
                 found[run.name] = dict(kept["row"])
     return found
 

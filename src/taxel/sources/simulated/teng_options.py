@@ -95,7 +95,13 @@ def checked_config(**settings: Any) -> TengHandConfig:
             order = ", the smaller first" if len(ends) > 1 else ""
             got = " to ".join(f"{end:g}" for end in ends)
             raise BadInput(f"{name} within {low:g} and {high:g}{order}", got, "choose another")
-    return TengHandConfig(**settings)
+    config = TengHandConfig(**settings)
+    scans = len(config.shapes) * config.scans_per_class
+    if config.preset == "honest" and scans < config.sessions:
+        raise BadInput(
+            f"a scan for each of {config.sessions} sessions", f"{scans}", "simulate more a class"
+        )
+    return config
 
 
 def _parse(key: str, text: str) -> Any:

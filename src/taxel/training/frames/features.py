@@ -8,7 +8,6 @@ image give another file. Knows nothing about labels, windows or heads.
 from __future__ import annotations
 
 import os
-import socket
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from taxel.errors import BadFile, RecordingFailed
 from taxel.foreign.archives import LARGEST_ARRAYS, array_of
 from taxel.foreign.files import read_bytes
 from taxel.frame_codec import decode_jpeg
+from taxel.held import MADE, scratch_folder
 from taxel.side_by_side import SideBySide
 from taxel.windows.camera_recordings import CameraRecording, frame_sets
 from taxel.windows.rest import SETTLE, compared, settled
@@ -32,6 +32,7 @@ Item = TypeVar("Item")
 
 CACHE_VARIABLE = "TAXEL_CACHE"
 """Environment variable: the folder for features and other things that can be made again."""
+_OTHER_CACHE = f"--cache or ${CACHE_VARIABLE}"
 
 
 def default_cache() -> Path:
@@ -238,15 +239,11 @@ def save_kept(path: Path, values: NDArray[np.float32]) -> None:
     Raises:
         RecordingFailed: The disk refused.
     """
-    # Workers of several hosts may share the cache, and process numbers repeat.
-    temporary = path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.part")
-    with cache_room(path.parent):
-        try:
-            with temporary.open("wb") as file:
-                np.save(file, values, allow_pickle=False)
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
+    with cache_room(path.parent), scratch_folder(path, _OTHER_CACHE) as scratch:
+        temporary = scratch / MADE
+        with temporary.open("wb") as file:
+            np.save(file, values, allow_pickle=False)
+        os.replace(temporary, path)
 
 
 @contextmanager
@@ -262,5 +259,5 @@ def cache_room(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise RecordingFailed(
             f"needed room in the cache, {folder}; got {error.strerror or error}; "
-            f"free space, or choose another folder with --cache or ${CACHE_VARIABLE}."
+            f"free space, or choose another folder with {_OTHER_CACHE}."
         ) from error

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
+from taxel.cli.figure_files import need_figures
 from taxel.cli.options.cameras import (
     AHEAD,
     BACKBONE_ONLY,
@@ -71,6 +72,8 @@ class GraspWarnings:
                 "a folder of recordings to learn from", "none",
                 f"make one with: {made}, then add --data cups",
             )  # fmt: skip
+        if self.plot is not None:
+            need_figures(self.plot)
         with progress() as bar:
             pours, results = self._results(self.data, bar)
         if self.plot is not None:

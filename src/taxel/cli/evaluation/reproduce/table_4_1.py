@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from taxel.cli.evaluation.html_pages import older_page, say_page
 from taxel.cli.options.rules import Only
 from taxel.cli.printing import console, print_json, progress, say
+from taxel.errors import BadInput
 
 if TYPE_CHECKING:
     from taxel.evaluation.teng.table_4_1 import Section, TengTableConfig
@@ -44,6 +45,8 @@ class Table41:
         from taxel.evaluation.teng.table_4_1 import TengTableConfig
         from taxel.training.loop import TrainConfig
 
+        if self.epochs is not None and self.epochs < 1:
+            raise BadInput("--epochs of at least 1", str(self.epochs), "give a larger number")
         older = older_page(self.html)
         train = TrainConfig(seed=self.seed)
         if self.epochs is not None:
