@@ -144,12 +144,22 @@ def test_a_wrong_csv_is_refused_by_file_line_and_column(tmp_path, content, words
 
 
 def test_cells_without_a_value_can_be_kept(tmp_path):
-    """With missing="keep" they come as NaN; text is refused all the same."""
-    (tmp_path / "a.csv").write_text("t,a,b\n1,,3\n2,nan,4\n")
+    """With missing="keep" they come as NaN, however they are written; other text is refused."""
+    words = ["", "nan", "NA", "n/a", "#N/A", "<NA>", "NULL", "None", " "]
+    lines = [f"{row},{word},4" for row, word in enumerate(words)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,a,b", *lines, ""]))
     table = read_table(tmp_path / "a.csv", VOLTS, MILLISECONDS, "keep")
     assert np.isnan(table.values[:, 0]).all()
-    (tmp_path / "a.csv").write_text("t,a,b\n1,n/a,3\n")
-    assert "'n/a'" in refusal(tmp_path / "a.csv", missing="keep")
+    assert (table.values[:, 1] == 4).all()
+    (tmp_path / "a.csv").write_text("t,a,b\n1,off,3\n")
+    assert "'off'" in refusal(tmp_path / "a.csv", missing="keep")
+
+
+def test_a_word_for_no_value_is_refused_with_the_option_that_keeps_it(tmp_path):
+    (tmp_path / "a.csv").write_text("t,a,b\n1,2,3\n2,NA,4\n")
+    line = refusal(tmp_path / "a.csv")
+    assert "line 3, column 'a'" in line
+    assert "--missing keep" in line
 
 
 def test_a_gzip_that_was_cut_is_refused(tmp_path):

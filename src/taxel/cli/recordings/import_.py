@@ -75,7 +75,7 @@ class Import:
     start_s, end_s or duration_s (seconds from the file's first scan), label:NAME and group:NAME;
     for a single file also an Audacity label track or MNE's annotations (.txt)."""
     missing: Literal["refuse", "keep"] | None = None
-    """Arrays, with empty cells, NaN or infinity: refuse the file (the default), or keep them,
+    """Arrays, with empty cells, NaN, NA or infinity: refuse the file (the default), or keep them,
     flagged as invalid. Rows of NaN at the end of a trial in a stack are padding unless they are
     kept."""
     allow_code: bool = False

@@ -26,6 +26,7 @@ from taxel.recordings.imports.table_form import (
     DecimalSign,
     TableForm,
     find_form,
+    is_missing,
     is_number,
     is_whole,
 )
@@ -337,7 +338,7 @@ def _several(path: Path, name: str, names: Sequence[str], what: str, *, counted:
 
 
 def _numbers(path: Path, cells: list[str], name: str, first_line: int) -> NDArray[np.float64]:
-    """Return a column's numbers; an empty cell is NaN, anything else must be a number."""
+    """Return a column's numbers; a cell without a value is NaN, any other must be a number."""
     try:
         if not any("_" in cell for cell in cells):
             return np.array(cells, dtype=np.float64)
@@ -345,14 +346,17 @@ def _numbers(path: Path, cells: list[str], name: str, first_line: int) -> NDArra
         pass
     numbers = np.empty(len(cells))
     for row, cell in enumerate(cells):
-        if cell.strip() and not is_number(cell):
+        if is_missing(cell):
+            numbers[row] = np.nan
+            continue
+        if not is_number(cell):
             raise BadTable(
                 "a number",
                 f"{cell[:80]!r} in {path}, line {row + first_line}, column {name[:80]!r}",
                 "if it is the time, write NAME[iso] in the column 'time'; else choose other columns"
                 if is_stamp(cell) else mend_number(cell),
             )  # fmt: skip
-        numbers[row] = float(cell) if cell.strip() else np.nan
+        numbers[row] = float(cell)
     return numbers
 
 

@@ -30,6 +30,9 @@ BLANKS = " "
 REMARK = "#"
 _SEPARATORS = ",;\t"
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
+NO_VALUE = {"", "na", "n/a", "#n/a", "<na>", "null", "none"}
+"""Cells without a value, in small letters, beside NaN: what R, Excel and SQL write, and what
+pandas.read_csv takes for it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,6 +216,11 @@ def is_number(cell: str) -> bool:
     except ValueError:
         return False
     return "_" not in cell
+
+
+def is_missing(cell: str) -> bool:
+    """Return whether a cell says that there is no value: it is empty, or one of `NO_VALUE`."""
+    return cell.strip().lower() in NO_VALUE
 
 
 def _is_value(cell: str) -> bool:
