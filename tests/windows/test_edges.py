@@ -1,7 +1,6 @@
 """What would go wrong at an edge without being seen: one claim a rule (0049)."""
 
-from collections.abc import Sequence
-from itertools import count
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import cv2
@@ -17,7 +16,12 @@ from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, SensorInfo, Validity
 from taxel.windows import camera_trials, trial_crops
-from taxel.windows.camera_trials import are_camera_trials, read_camera_trials, refuse_footage
+from taxel.windows.camera_trials import (
+    CameraTrial,
+    are_camera_trials,
+    read_camera_trials,
+    refuse_footage,
+)
 from taxel.windows.checks import rare_note
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import load_dataset
@@ -70,8 +74,10 @@ def test_a_public_set_s_own_folder_holds_camera_trials(
 
 def test_videos_outside_of_the_table_s_folder_are_asked_for_by_name(tmp_path: Path) -> None:
     (tmp_path / "trials.csv").write_text("camera:left,label:x\n../a.mp4,y\n")
-    with pytest.raises(BadTable):
+    with pytest.raises(BadTable, match="which lies outside"):
         read_camera_trials(path=tmp_path / "trials.csv", outside=False)
+    with pytest.raises(BadTable, match="got no file"):  # looked for there
+        read_camera_trials(path=tmp_path / "trials.csv", outside=True)
 
 
 def test_a_class_with_more_than_a_fifth_of_the_commonest_s_trials_is_not_rare() -> None:
@@ -170,11 +176,15 @@ def test_in_a_mirror_each_place_is_that_of_the_other_side(course: str) -> None:
     assert (down.order[first : first + 12] - first).tolist() == places[::-1].ravel().tolist()
 
 
-def test_images_are_read_to_the_shortest_camera_s_end() -> None:
-    """A trial says how many images each camera has; a file may hold more than are wanted."""
-    wanted = camera_trials.CameraTrial(
-        name="a", labels={}, groups={}, cameras=("left", "right"), frames=2, width=8, height=8,
+def files(frames: int, images: Iterable[int]) -> CameraTrial:
+    """A trial of two cameras' files, which give these grey levels."""
+    return CameraTrial(
+        name="a", labels={}, groups={}, cameras=("left", "right"), frames=frames, width=8, height=8,
         rate_hz=25.0, mm_per_px=None, digest="0", recorded=False,
-        read=lambda camera: (np.full((8, 8, 3), n, np.uint8) for n in count()),
+        read=lambda camera: (np.full((8, 8, 3), 40 * grey, np.uint8) for grey in images),
     )  # fmt: skip
-    assert len(wanted.digests()[1]) == 64
+
+
+def test_what_a_file_holds_beyond_a_trial_s_frames_is_not_in_its_digest() -> None:
+    assert files(2, range(5)).digests() == files(2, range(2)).digests()
+    assert files(3, range(5)).digests() != files(2, range(2)).digests()

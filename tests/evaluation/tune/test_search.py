@@ -89,10 +89,15 @@ def test_a_search_that_was_broken_off_gives_what_an_unbroken_one_gives(
     assert finished + second.jobs == whole.jobs
 
 
-def test_the_recipe_as_it_is_is_tried_again_where_a_kill_ended_it_alone(
-    url: str, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("break_at", "trials"), [(6, 2), (2 * study_module.STARTUP + 2, study_module.STARTUP)]
+)
+def test_the_recipe_as_it_is_is_tried_again_on_all_folds_where_a_kill_ended_it_alone(
+    url: str, monkeypatch: pytest.MonkeyPatch, break_at: int, trials: int
 ) -> None:
-    """Side by side, others may be finished before the first."""
+    """Side by side, others may be finished before the first; behind better ones it would be pruned,
+    and its score be that of its first fold alone.
+    """
 
     def submit(work: Work, job: tuple[dict[str, Any], int], name: str) -> Future[JobResult]:
         return Future() if not job[0] else here(work, job, name=name)
@@ -102,30 +107,9 @@ def test_the_recipe_as_it_is_is_tried_again_where_a_kill_ended_it_alone(
         patched.setattr(study_module, "submit", submit)
         patched.setattr(study_module, "width", lambda: 2)
         with pytest.raises(Broken):
-            run(url, search(Work(break_at=6)))
+            run(url, search(Work(break_at=break_at)))
     again = Work()
-    found = run(url, search(again, trials=2))
-
-    assert again.jobs == [({}, 0), ({}, 1)]
-    assert found.as_is == pytest.approx(0.395)
-
-
-def test_the_recipe_as_it_is_is_scored_on_all_folds_also_where_it_comes_late(
-    url: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Behind better trials it would be pruned, and its score be that of its first fold alone."""
-
-    def submit(work: Work, job: tuple[dict[str, Any], int], name: str) -> Future[JobResult]:
-        return Future() if not job[0] else here(work, job, name=name)
-
-    here = study_module.submit
-    with monkeypatch.context() as patched:
-        patched.setattr(study_module, "submit", submit)
-        patched.setattr(study_module, "width", lambda: 2)
-        with pytest.raises(Broken):
-            run(url, search(Work(break_at=2 * study_module.STARTUP + 2)))
-    again = Work()
-    found = run(url, search(again, trials=study_module.STARTUP))
+    found = run(url, search(again, trials=trials))
 
     assert again.jobs == [({}, 0), ({}, 1)]
     assert found.as_is == pytest.approx(0.395)
