@@ -80,6 +80,19 @@ def test_a_printed_clock_wraps_and_one_that_steps_back_is_a_reboot():
     assert third.device_s[0] == pytest.approx(7e-5)
 
 
+@pytest.mark.parametrize("begin", [2**31 - 20, 2**32 - 20, 2**31 + 10_000])
+def test_a_clock_printed_as_a_signed_number_goes_on_below_zero(begin: int):
+    """`long now = millis()` is below zero after 24.9 days, one of micros() after 36 min."""
+    stream = start("5,1", time="ms", rate_hz=HZ)
+    device_s: list[float] = []
+    for i in range(5):
+        clock = (begin + 10 * i + 2**31) % 2**32 - 2**31
+        for scans in come(stream, f"{clock},1\n", begin / 1000 + i / HZ):
+            device_s += scans.device_s.tolist()
+    assert np.diff(device_s) == pytest.approx(np.full(4, 0.01))
+    assert stream.ledger.reboots == 0
+
+
 def test_a_printed_clock_that_leaps_ahead_of_the_hosts_began_anew():
     """As where what lay in a buffer came first: else each later scan would lie in the future."""
     stream = CsvStream("here", time="ms", rate_hz=HZ)

@@ -252,7 +252,7 @@ class CsvStream:
     def _own_time(self, column: NDArray[np.float64], arrival_s: float) -> NDArray[np.float64]:
         """Return the printed clock in seconds, unwrapped; one that steps back began anew."""
         per_second = self._per_second or 1.0
-        column = np.clip(np.nan_to_num(column), 0.0, 2.0**53)
+        column = np.clip(np.nan_to_num(column), -(2.0**53), 2.0**53)  # a signed long wraps below 0
         whole = column.astype(np.int64)
         fraction = column - whole
         raw = (whole & 0xFFFFFFFF).astype(np.uint32)
