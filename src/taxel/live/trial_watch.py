@@ -10,7 +10,7 @@ Background of our choices: docs/decisions/0041.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -78,7 +78,8 @@ class TrialWatch:
         """Forget the trial: the next frames begin another."""
         self._sets: list[FrameSet] = []
         self._count = 0
-        self._answers: list[tuple[NDArray[np.float64], float]] = []
+        self._total = np.zeros(len(self.bundle.contract.classes))
+        self._novelty, self._crops = 0.0, 0
         self._verdict = no_verdict(self.bundle.contract.classes, "no frame yet")
         self._bad = ""
 
@@ -94,12 +95,13 @@ class TrialWatch:
         if self._count <= MOST_FRAMES:
             self._sets.append(found)
         else:
-            self._sets = [*self._sets[-contract.crop + 1 :], found]
+            left = max(0, len(self._sets) - contract.crop + 1)
+            self._sets = [*self._sets[left:], found]
         past = self._count - contract.crop
         looked = past >= 0 and past % contract.layout.every == 0
         if past < 0:
-            left = f"{self._count} of the {contract.crop} frames of a crop"
-            self._verdict = no_verdict(contract.classes, left)
+            so_far = f"{self._count} of the {contract.crop} frames of a crop"
+            self._verdict = no_verdict(contract.classes, so_far)
         elif looked:
             self._look()
         doubt = self._bad or self._health.doubt(max(frame.arrival_s for frame in found.frames))
@@ -127,13 +129,18 @@ class TrialWatch:
         return no_verdict(self.bundle.contract.classes, self._bad) if self._bad else None
 
     def _look(self) -> None:
-        """Look at the crop that ends now, beside those before."""
+        """Look at the crop that ends now, beside those before: of these the sums are kept alone,
+        since without marks a trial lasts as long as its cameras.
+        """
         try:
-            self._answers.append(self._crop(self._sets[-self.bundle.contract.crop :]))
+            own, novelty = self._crop(self._sets[-self.bundle.contract.crop :])
         except BadSource as error:
             self._bad = error.got
             return
-        self._verdict = self._joined(self._answers)
+        self._total, self._novelty = self._total + own, self._novelty + novelty
+        self._crops += 1
+        mean = self._total / self._crops, self._novelty / self._crops
+        self._verdict = replace(self._joined([mean]), crops=self._crops)
 
     def _whole(self) -> Verdict:
         contract = self.bundle.contract

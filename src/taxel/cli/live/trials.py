@@ -57,8 +57,7 @@ def live_trials(
             if total is None:
                 total = tally
             else:
-                total.trials += tally.trials
-                total.looks_s += tally.looks_s
+                total.take_in(tally)
             if stopped():
                 break
     assert total is not None
