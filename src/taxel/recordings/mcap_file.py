@@ -12,7 +12,7 @@ from __future__ import annotations
 import struct
 import zlib
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -23,7 +23,6 @@ from mcap.opcode import Opcode
 from mcap.records import (
     Channel,
     Chunk,
-    ChunkIndex,
     DataEnd,
     Footer,
     Header,
@@ -46,6 +45,8 @@ COMPRESSION = "lz4"
 RECORD_HEAD = struct.Struct("<BQ")
 """Opcode and length of what follows, before every MCAP record."""
 _INDEX_HEAD = struct.Struct("<HI")
+_AT_ONCE = 4096
+"""Chunks whose summary is made at once. Our choice: a megabyte."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,8 +170,7 @@ class McapFile:
             crc = zlib.crc32(content, crc)
             self._append(content)
         group_start = self._offset
-        for at in range(0, len(self._chunks), self._fields_a_chunk):
-            content = _bytes_of(self._chunk_index(at))
+        for content in self._chunk_indices():
             crc = zlib.crc32(content, crc)
             self._append(content)
         offsets.append(_summary_offset(Opcode.CHUNK_INDEX, group_start, self._offset - group_start))
@@ -202,27 +202,13 @@ class McapFile:
             self._counts[part.channel - 1] += len(entries)
         return content
 
-    def _chunk_index(self, at: int) -> ChunkIndex:
-        """Return the summary's record of the chunk whose fields start at `at`."""
-        start_ns, end_ns, offset, length, compressed, size, *counts = self._chunks[
-            at : at + self._fields_a_chunk
-        ]
-        where, end = {}, offset + length
-        for channel, count in enumerate(counts, start=1):
-            if count:
-                where[channel] = end
-                end += _index_length(count)
-        return ChunkIndex(
-            chunk_length=length,
-            chunk_start_offset=offset,
-            compression=COMPRESSION,
-            compressed_size=compressed,
-            message_end_time=end_ns,
-            message_index_length=end - offset - length,
-            message_index_offsets=where,
-            message_start_time=start_ns,
-            uncompressed_size=size,
-        )
+    def _chunk_indices(self) -> Iterator[bytes]:
+        """Yield the summary's records of all chunks, thousands at a time: a day has a million, and
+        whoever waits for a recording's end must not wait for each of them.
+        """
+        every = np.frombuffer(self._chunks, np.uint64).reshape(-1, self._fields_a_chunk)
+        for first in range(0, len(every), _AT_ONCE):
+            yield _chunk_index_bytes(every[first : first + _AT_ONCE].astype(np.int64))
 
     @property
     def _fields_a_chunk(self) -> int:
@@ -249,6 +235,48 @@ def _summary_offset(opcode: Opcode, start: int, length: int) -> SummaryOffset:
 def _index_length(messages: int) -> int:
     """Return the bytes of a message index record."""
     return RECORD_HEAD.size + _INDEX_HEAD.size + 16 * messages
+
+
+def _chunk_index_bytes(chunks: NDArray[np.int64]) -> bytes:
+    """Return chunk index records, one a chunk: what `mcap.records.ChunkIndex` writes.
+
+    Args:
+        chunks: Shape (n, 6 + channels): first and last log time, place, length, compressed and
+            whole size, then the messages of each channel.
+    """
+    start_ns, end_ns, place, length, compressed, size = chunks[:, :6].T
+    counts = chunks[:, 6:]
+    held = counts > 0
+    lengths = np.where(held, _index_length(0) + 16 * counts, 0)
+    after = (place + length)[:, None] + np.cumsum(lengths, axis=1)
+    pairs = [("channel", "<u2"), ("at", "<u8")]
+    records = np.zeros(
+        len(chunks),
+        [
+            ("opcode", "u1"), ("bytes", "<u8"), ("start_ns", "<u8"), ("end_ns", "<u8"),
+            ("place", "<u8"), ("length", "<u8"), ("map_bytes", "<u4"),
+            ("map", pairs, (counts.shape[1],)), ("indices", "<u8"), ("letters", "<u4"),
+            ("compression", f"S{len(COMPRESSION)}"), ("compressed", "<u8"), ("size", "<u8"),
+        ],
+    )  # fmt: skip
+    pair = records["map"].dtype.itemsize
+    left_out = pair * (~held).sum(axis=1)
+    records["opcode"] = int(Opcode.CHUNK_INDEX)
+    records["bytes"] = records.itemsize - RECORD_HEAD.size - left_out
+    records["start_ns"], records["end_ns"] = start_ns, end_ns
+    records["place"], records["length"] = place, length
+    records["map_bytes"] = pair * held.sum(axis=1)
+    records["map"]["channel"] = np.arange(1, counts.shape[1] + 1)
+    records["map"]["at"] = after - lengths
+    records["indices"] = lengths.sum(axis=1)
+    records["letters"], records["compression"] = len(COMPRESSION), COMPRESSION.encode()
+    records["compressed"], records["size"] = compressed, size
+    kept = np.ones((len(chunks), records.itemsize), bool)
+    fields = records.dtype.fields
+    assert fields is not None
+    first = fields["map"][1]
+    kept[:, first : first + pair * counts.shape[1]] = np.repeat(held, pair, axis=1)
+    return bytes(records.view(np.uint8).reshape(kept.shape)[kept])
 
 
 def _bytes_of(record: McapRecord) -> bytes:

@@ -5,6 +5,7 @@ Nothing is started: the processes are dummies and the clock is set by hand.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any, cast
@@ -106,6 +107,29 @@ def test_a_process_that_does_not_end_is_killed_and_its_counts_stay(rig: Rig):
     assert rig.processes.ledger()["monitor"] == {
         "produced": 7, "consumed": 5, "dropped": 2, "starts": 1,
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(("works_s", "exitcode"), [(30.0, 0), (math.inf, -9)])
+def test_a_recorder_is_waited_for_while_it_completes_its_file(
+    rig: Rig, works_s: float, exitcode: int
+):
+    """A long recording's end takes longer than 5 s; a disk that stands still gives no signs."""
+    worker = rig.processes.add("recorder", lambda _: None, lambda place: place, ends_itself=True)
+    process = cast("Any", worker.process)
+
+    def join(longest_s: float | None = None) -> None:
+        rig.clock.advance(longest_s or 0.0)
+        if rig.clock.now_s() < 20.0:
+            rig.running(worker, rig.clock.now_s() - 1.0)  # the file grows
+        elif rig.clock.now_s() >= works_s:
+            process.exitcode = 0
+        elif math.isfinite(works_s):
+            rig.running(worker, rig.clock.now_s())
+
+    process.join = join
+    rig.processes.close()
+    assert process.exitcode == exitcode
+    assert rig.clock.now_s() < 31.0
 
 
 def test_a_process_that_dies_too_often_within_half_a_minute_is_given_up(rig: Rig):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from contextlib import ExitStack
 from copy import copy
@@ -20,6 +21,7 @@ from taxel.live.station.recording import Recorded, Recording, choose_recorded
 from taxel.live.station.ring import Ring, RingReader, RingWriter
 from taxel.recordings.reader import iterate_slips, read_recording
 from taxel.recordings.trial_log import GraspTrial, append_trial, log_of, read_trial_log
+from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Mark, Samples, SensorInfo
 
 HAND = SensorInfo(name="hand", channels=("a", "b"), units=("V", "V"), rate_hz=100.0)
@@ -249,3 +251,25 @@ def test_of_several_arrays_the_one_without_cameras_is_recorded_and_the_others_ar
     assert left == "hand"
     only_cameras, left = choose_recorded([("r1", 1, NONE, (LEFT,))])
     assert (only_cameras[0].array, left) == (False, "")
+
+
+def test_a_long_recordings_end_gives_signs_of_life_while_its_file_grows(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+):
+    """Else the recorder counts as silent after 2.5 s, and is killed by the end of a station."""
+    heard = threading.Semaphore(0)
+    whole = Recorder.close
+
+    def close(recorder: Recorder, ended: str) -> None:
+        for _ in range(3):
+            recorder.mark(Mark(start_s=0.0, end_s=1.0, labels={}))
+            recorder.flush()
+            assert heard.acquire(timeout=10.0)  # each piece that is written gives a sign
+        whole(recorder, ended)
+
+    rig.begin()
+    rig.scans()
+    rig.desk._beat = heard.release
+    monkeypatch.setattr(Recorder, "close", close)
+    assert rig.obey("end")["error"] == ""
+    assert len(read_recording(rig.path).marks) == 3

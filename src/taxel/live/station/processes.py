@@ -25,7 +25,10 @@ from taxel.live.station.worker import Place
 _OPEN_S = 30.0
 """How long a process may take to open what it needs, seconds. Source: our choice."""
 _END_S = 5.0
-"""How long processes may take to end before they are killed, seconds. Source: our choice."""
+"""How long processes may take to end before they are killed, seconds; of one that completes its
+work, since its last sign of life. Source: our choice."""
+_LOOK_S = 0.05
+"""How often it is looked at meanwhile, seconds. Our choice."""
 _LONGEST_WHY = 300
 """Characters of a process's own words on why it ended. Source: our choice, docs/decisions/0019."""
 _RESTARTS, _WITHIN_S = 5, 30.0
@@ -155,6 +158,8 @@ class ProcessGroup:
             if process is None or worker.given_up:
                 continue
             process.join(_END_S)
+            while process.is_alive() and self._completes(worker):
+                process.join(_LOOK_S)
             if process.is_alive():
                 process.kill()
                 process.join()
@@ -162,6 +167,11 @@ class ProcessGroup:
         for worker in self.workers:
             if worker.report is not None:
                 worker.report.close()
+
+    def _completes(self, worker: Worker) -> bool:
+        """True while one that ends itself goes on with its last work, and says so."""
+        beat_s = self._beats.read(worker.row).beat_s
+        return worker.ends_itself and monotonic() - beat_s < _END_S
 
     def ledger(self) -> dict[str, dict[str, int]]:
         """Return, for each process, what it made, took in and lost, and how often it began."""

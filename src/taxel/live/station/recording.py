@@ -12,7 +12,8 @@ import contextlib
 import itertools
 import resource
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic, sleep
@@ -118,7 +119,7 @@ def record(job: Recording) -> None:
         readers = [stack.enter_context(RingReader(source.ring)) for source in job.sources]
         pulse.report("opened")
         settle_memory()
-        desk = _Desk(job, readers, news)
+        desk = _Desk(job, readers, news, pulse.beat)
         while True:
             last_look = pulse.stopping and (pulse.orphaned or _sources_ended(job, pulse))
             for order in orders.take():
@@ -133,10 +134,24 @@ def record(job: Recording) -> None:
 
 
 class _Desk:
-    """The recording under way, where there is one."""
+    """The recording under way, where there is one.
 
-    def __init__(self, job: Recording, readers: list[RingReader], news: RingWriter) -> None:
+    Args:
+        job: What is recorded.
+        readers: One a source.
+        news: Where it says how it goes.
+        beat: Gives a sign of life.
+    """
+
+    def __init__(
+        self,
+        job: Recording,
+        readers: list[RingReader],
+        news: RingWriter,
+        beat: Callable[[], None] = lambda: None,
+    ) -> None:
         self._job = job
+        self._beat = beat
         self._readers = readers
         self._news = news
         self._recorder: Recorder | None = None
@@ -221,10 +236,23 @@ class _Desk:
             return
         lost = self._lost() - self._lost_before
         try:
-            recorder.close(f"{ended}; {lost} messages lost before the recorder" if lost else ended)
+            self._close(
+                recorder, f"{ended}; {lost} messages lost before the recorder" if lost else ended
+            )
         except TaxelError as error:
             self._error = str(error)
         self._report(monotonic(), recorder.statistics())
+
+    def _close(self, recorder: Recorder, ended: str) -> None:
+        """Complete a file; give signs of life for as long as it grows: a day's takes seconds."""
+        size = recorder.size
+        with ThreadPoolExecutor(1) as beside:
+            closing = beside.submit(recorder.close, ended)
+            while not wait([closing], _PAUSE_S).done:
+                if recorder.size > size:
+                    size = recorder.size
+                    self._beat()
+            closing.result()
 
     def _begin(self, order: dict[str, Any]) -> None:
         """Begin a recording; with `again` in the order, the rest of a dead recorder's."""
