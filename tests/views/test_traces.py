@@ -56,7 +56,8 @@ def test_memory_holds_the_latest_seconds_and_the_ranges_all_of_it():
         part = noise(100, 1, start_s=float(second))
         part.values[:] = second
         buffer.add(part)
-    assert len(buffer.kept) == 200
+        assert len(buffer.kept) <= 201  # each drawing asks for it
+        assert sum(map(len, buffer._parts)) <= 201
     (channel,) = buffer.ranges()
     assert (channel.least, channel.most, channel.latest) == (0.0, 29.0, 29.0)
 

@@ -79,8 +79,9 @@ class TraceBuffer:
         if not self._parts:
             return Samples.empty(len(self.info.channels))
         joined = Samples.join(self._parts)
-        self._parts = deque([joined])
-        return joined[joined.fitted_s > joined.fitted_s[-1] - self.kept_s]
+        kept = joined[joined.fitted_s > joined.fitted_s[-1] - self.kept_s]
+        self._parts = deque([kept])
+        return kept
 
     @property
     def flags(self) -> dict[str, int]:
