@@ -36,6 +36,18 @@ class SystemClock:
             time.sleep(duration_s)
 
 
+def asleep_s() -> float:
+    """Return how long this machine has slept (suspended) since its start, seconds.
+
+    Its monotonic clock stands still meanwhile: no time seems to be missing. 0 where the system does
+    not say. Never more than is true, whatever runs between the looks at two clocks.
+    """
+    if not hasattr(time, "CLOCK_BOOTTIME"):
+        return 0.0
+    since_start_s = time.clock_gettime(time.CLOCK_BOOTTIME)
+    return max(0.0, since_start_s - time.clock_gettime(time.CLOCK_MONOTONIC))
+
+
 class ManualClock:
     """A clock that moves only when told to; `sleep` moves it."""
 

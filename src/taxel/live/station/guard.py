@@ -86,6 +86,7 @@ class Guard:
         self._set_n = interlock.force_n
         self._stalled = False
         self._looked_s = -math.inf
+        self._asleep_s: float | None = None
 
     def expect(self, name: str, now_s: float) -> None:
         """Watch a monitor from now on, also one that follows a dead one."""
@@ -170,6 +171,28 @@ class Guard:
         self._stalled = True
         text = f"the supervisor stood still for {gap_s:.2f} s: nobody watched the grasp"
         self.alarms.set(STALL, Level.DANGER, text, now_s)
+        return text
+
+    def slept(self, asleep_s: float, now_s: float) -> str:
+        """Look whether the machine slept since the last look: its clock stood still, no tick is
+        missing, and nobody watched the grasp. Call it in each turn, after `wake`.
+
+        Args:
+            asleep_s: How long it has slept since its start, seconds.
+            now_s: This moment, monotonic seconds.
+
+        Returns:
+            What happened, in words; empty where nothing did.
+        """
+        before_s = asleep_s if self._asleep_s is None else self._asleep_s
+        self._asleep_s = max(before_s, asleep_s)
+        if not asleep_s - before_s > self.interlock.config.stall_s:
+            return ""
+        self._stalled = True
+        text = f"the machine slept for {asleep_s - before_s:.1f} s: nobody watched the grasp"
+        self.alarms.set(STALL, Level.DANGER, text, now_s)
+        self.interlock.fault(text, now_s)
+        self.interlock.fault_gone(text)
         return text
 
     def tick(self, now_s: float) -> Order:

@@ -20,6 +20,7 @@ from typing import Any, Self
 from taxel.actions.actuators import Actuator
 from taxel.actions.grip_policy import GripPolicy, GripPolicyConfig
 from taxel.actions.interlock import Interlock
+from taxel.clock import asleep_s
 from taxel.decisions.reasons import kind_of
 from taxel.decisions.stability import Stability
 from taxel.live.station.alarm_watch import AlarmWatch, watch
@@ -253,9 +254,9 @@ class Station:
         where it does, until `run` returns or the station is closed.
         """
         self._beats.tick(now_s)
-        stall = self.guard.wake(now_s)
-        if stall:
-            self._happened(now_s, stall)
+        for gap in (self.guard.wake(now_s), self.guard.slept(asleep_s(), now_s)):
+            if gap:
+                self._happened(now_s, gap)
         notes = self._hear(now_s)
         self._watch.look(now_s)
         self._driving.tick(now_s)
