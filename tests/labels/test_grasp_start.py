@@ -86,3 +86,15 @@ def test_a_grasp_that_somebody_announces_needs_no_untouched_gel() -> None:
 def test_settings_that_mean_nothing_are_refused() -> None:
     with pytest.raises(BadInput, match="3 images"):
         GraspStartConfig(rest_images=2)
+
+
+@pytest.mark.parametrize("back_s", [9.0, 3600.0])
+def test_a_clock_that_is_set_back_does_not_spoil_the_untouched_gel(back_s: float) -> None:
+    """Before, the reference ran away, and no grasp was found any more: none could alarm."""
+    finder = GraspFinder(1)
+    rest = ramp((0, 0, 25))
+    grasp = ramp((0, 1, 10), (1, 1, 20))
+    for images, time_s in video([*rest, *rest, *grasp], [0.0] * 80):
+        later = time_s >= len(rest) / HZ
+        state = finder.push(images[:1], 4000.0 + time_s - (back_s if later else 0.0))
+    assert state is Hold.HELD

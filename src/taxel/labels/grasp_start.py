@@ -84,6 +84,9 @@ class _Gel:
         """Take in a new image."""
         config, small = self._config, normalised_blocks(rgb, self._config.block_px)
         since_s = 0.0 if self._last is None else time_s - self._last[0]
+        if since_s < 0.0:  # a clock was set back: nothing is known of how long ago images came
+            since_s = 0.0
+            self._lately.clear()
         noise = 0.0 if self._last is None else _difference(small, self._last[1])
         self._last = (time_s, small)
         self._lately.append((time_s, small))
@@ -137,7 +140,7 @@ class GraspFinder:
         Args:
             images: One a camera, shape (height, width, 3); the very same object again is no new
                 image.
-            time_s: When the newest was taken, seconds; must not fall.
+            time_s: When the newest was taken, seconds; where it falls, a clock was set back.
 
         Raises:
             BadInput: An image is not RGB.

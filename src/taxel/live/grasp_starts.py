@@ -49,7 +49,8 @@ class GraspStarts:
         if held and not began:
             return [(images, fresh, found)], False
         self._lately.append((images, fresh, found))
-        while self._lately[0][2].time_s < found.time_s - self._config.still_s - 1e-9:
+        # One from ahead of now was taken before a clock was set back.
+        while not -1e-9 <= found.time_s - self._lately[0][2].time_s <= self._config.still_s + 1e-9:
             self._lately.popleft()
         if not began:
             return [], False
