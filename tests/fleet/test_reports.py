@@ -13,7 +13,7 @@ from taxel.fleet.reports import (
     read_alive,
     read_report,
 )
-from taxel.fleet.table import fleet_line, fleet_table
+from taxel.fleet.table import ago, fleet_line, fleet_table
 from taxel.fleet.watch import MOST_STATIONS, FleetState, row_values
 from taxel.views.console import PlainConsole
 
@@ -160,3 +160,15 @@ def test_signs_of_life_are_read_to_the_letter() -> None:
     assert read_alive(alive_bytes("a", alive=True)) == ("a", True, False)
     with pytest.raises(ValueError, match="alive"):
         read_alive(json.dumps({"boot": "a", "alive": "yes", "ended": False}).encode())
+
+
+@pytest.mark.parametrize(
+    ("age_s", "words"),
+    [
+        (0.4, "0 s ago"), (119.4, "119 s ago"), (120.0, "2 min ago"), (7199.0, "119 min ago"),
+        (108_000.0, "30 h ago"), (172_800.0, "2 d ago"), (4_320_000.0, "50 d ago"),
+    ],
+)  # fmt: skip
+def test_how_long_ago_a_station_was_heard_is_said_in_its_unit(age_s: float, words: str) -> None:
+    """A station that was switched off on Friday was, on Monday, heard "216000 s ago"."""
+    assert ago(age_s) == words

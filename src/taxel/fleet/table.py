@@ -48,9 +48,21 @@ def fleet_table(stations: Sequence[dict[str, Any]]) -> Table:
             visible_line(alarms[0]["text"], 60) if alarms else "",
             visible(row.get("version", "")),
             f"{row['lost']:,}" if "lost" in row else "",
-            "not yet" if age_s is None else f"{age_s:.0f} s ago",
+            "not yet" if age_s is None else ago(age_s),
         )
     return table
+
+
+def ago(age_s: float) -> str:
+    """Return how long ago something was, such as "4 s ago" or "30 h ago".
+
+    Args:
+        age_s: Seconds.
+    """
+    for unit, seconds in (("d", 86_400), ("h", 3600), ("min", 60)):
+        if age_s >= 2 * seconds:
+            return f"{age_s // seconds:.0f} {unit} ago"
+    return f"{age_s:.0f} s ago"
 
 
 def fleet_line(snapshot: dict[str, Any]) -> str:

@@ -20,6 +20,14 @@ function cell(text, kind = "") {
   return made;
 }
 
+/** Return how long ago something was, such as "4 s ago" or "30 h ago". */
+function ago(seconds) {
+  for (const [unit, size] of [["d", 86400], ["h", 3600], ["min", 60]]) {
+    if (seconds >= 2 * size) return `${Math.floor(seconds / size)} ${unit} ago`;
+  }
+  return `${Math.round(seconds)} s ago`;
+}
+
 function row(station) {
   const made = document.createElement("tr");
   made.dataset.presence = station.presence;
@@ -28,7 +36,7 @@ function row(station) {
   made.append(
     cell(station.station), cell(station.presence, "presence"),
     cell([station.state, station.reason].filter(Boolean).join(": ")), cell(alarms), cell(sources),
-    cell(station.lost ?? "", "n"), cell(station.age_s === null ? "not yet" : `${Math.round(station.age_s)} s ago`, "n"),
+    cell(station.lost ?? "", "n"), cell(station.age_s === null ? "not yet" : ago(station.age_s), "n"),
     cell(station.version || ""),
   );
   made.title = (station.bundles || []).join("\n");

@@ -1,5 +1,7 @@
 // Tactile images, the map of the newest rows and the hand: canvases. Missing values are crossed out.
 
+import { duration } from "./state.js";
+
 const STOPS = [[20, 24, 60], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
 const QUIET_MS = 500; // A camera without a new image for so long says so on its picture.
 const INK = "#8b98ab";
@@ -157,7 +159,7 @@ export class Cameras {
       let text = "";
       if (one.broken) text = "BROKEN IMAGE";
       else if (!Number.isFinite(one.cameMs)) text = "NO IMAGE YET";
-      else if (!still && age > QUIET_MS) text = `NO NEW IMAGE FOR ${(age / 1000).toFixed(1)} s`;
+      else if (!still && age > QUIET_MS) text = `NO NEW IMAGE FOR ${duration(age / 1000)}`;
       one.note.textContent = text;
       one.panel.classList.toggle("quiet", text !== "");
       if (nowMs - one.countedMs >= 1000) {
