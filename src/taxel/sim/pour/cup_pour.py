@@ -12,7 +12,7 @@ docs/decisions/0013.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,7 +96,9 @@ class CupPourConfig:
             )
         if self.cups < 1 or self.repetitions < 1 or not self.positions or not self.forces_n:
             raise ValueError("needed at least one cup, position, force and repetition")
-        if min(self.forces_n) <= 0:
+        if not set(self.positions) <= set(get_args(Position)) or self.seed < 0:
+            raise ValueError("needed positions among upper, middle and lower, and a seed from 0")
+        if not all(force_n > 0 for force_n in self.forces_n):
             raise ValueError("needed forces above 0 N")
         if not (0 <= self.negatives <= 1 and 0 <= self.still <= 1):
             raise ValueError("needed negatives and still within 0 and 1")
