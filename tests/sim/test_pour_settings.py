@@ -15,7 +15,7 @@ from taxel.sources.simulated.data_sets import simulate_presets
     ("setting", "message"),
     [
         ({"positions": ("top",)}, "needed positions among upper, middle and lower"),
-        ({"forces_n": (15.0, float("nan"))}, "needed forces above 0 N"),
+        ({"forces_n": (15.0, -1.0)}, "forces above 0 N"),
         ({"seed": -1}, "a seed from 0"),
     ],
 )
