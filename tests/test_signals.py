@@ -85,3 +85,32 @@ def test_a_channel_without_a_unit_is_refused():
 def test_no_scans_have_channels_all_the_same():
     none = Samples.empty(4)
     assert (len(none), none.values.shape, none.usable.shape) == (0, (0, 4), (0, 4))
+
+
+@pytest.mark.parametrize("shape", [(5,), (1, 5, 3)])
+def test_values_of_another_number_of_axes_are_refused(shape: tuple[int, ...]):
+    """One channel is a column of its own; a row too few or many is said as shapes."""
+    with pytest.raises(ValueError, match=r"needed values of shape \(n, channels\)"):
+        Samples.from_values(np.zeros(shape), np.zeros(5))
+
+
+def test_masked_values_are_not_usable():
+    """A masked value is a missing one: what stands beneath the mask is nobody's measurement."""
+    masked = np.ma.masked_array(np.arange(4).reshape(2, 2), [[False, True], [False, False]])
+
+    scans = Samples.from_values(masked, np.arange(2.0))
+
+    assert scans.usable.tolist() == [[True, False], [True, True]]
+
+
+@pytest.mark.parametrize("unit", ["datetime64[ns]", "timedelta64[s]"])
+def test_dates_are_no_seconds(unit: str):
+    """NumPy would take their nanoseconds for seconds."""
+    with pytest.raises(ValueError, match="needed time_s as seconds"):
+        Samples.from_values(np.zeros((2, 1)), np.arange(2).astype(unit))
+
+
+@pytest.mark.parametrize("channels", [(), (1, 2)])
+def test_only_runs_of_the_same_channels_are_joined(channels: tuple[int, ...]):
+    with pytest.raises(ValueError, match="needed runs of the same channels"):
+        Samples.join(samples(channels=number) for number in channels)

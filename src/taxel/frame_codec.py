@@ -7,10 +7,12 @@ Knows nothing about cameras, files or models.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadSource, MissingExtra
+from taxel.errors import BadInput, BadSource, MissingExtra
 from taxel.image_head import read_png16
 from taxel.jpeg_head import check_size, read_head
 from taxel.raster_head import is_raster, raster_size
@@ -40,7 +42,11 @@ def encode_jpeg(rgb: NDArray[np.uint8], quality: int = JPEG_QUALITY) -> bytes:
     Args:
         rgb: Shape (height, width, 3), red first.
         quality: 0…100.
+
+    Raises:
+        BadInput: It is no such image of uint8.
     """
+    _check_colour(rgb)
     bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
     done, coded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:
@@ -93,7 +99,11 @@ def encode_png(rgb: NDArray[np.uint8]) -> bytes:
 
     Args:
         rgb: Shape (height, width, 3), red first.
+
+    Raises:
+        BadInput: It is no such image of uint8.
     """
+    _check_colour(rgb)
     bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
     done, coded = cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, _PNG_EFFORT])
     if not done:
@@ -124,7 +134,13 @@ def encode_depth(depth: NDArray[np.uint16]) -> bytes:
 
     Args:
         depth: Shape (height, width), in the camera's depth unit; 0 where nothing was measured.
+
+    Raises:
+        BadInput: It is no such image of uint16: in another format depth would be cut to 8 bits.
     """
+    if depth.ndim != 2 or depth.dtype != np.uint16 or not depth.size:
+        raise BadInput("a depth image of shape (height, width), uint16", _seen(depth),
+                       "round it to the camera's depth unit")  # fmt: skip
     done, coded = cv2.imencode(".png", depth, [cv2.IMWRITE_PNG_COMPRESSION, _PNG_EFFORT])
     if not done:
         raise ValueError(f"needed a depth image; got shape {depth.shape}")
@@ -190,6 +206,17 @@ def decode_still(image: bytes) -> NDArray[np.uint8]:
     if bgr is None:
         raise BadSource("images that can be read", "a damaged one", "copy it again")
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+
+
+def _check_colour(rgb: NDArray[Any]) -> None:
+    """Refuse what the encoders would take for another picture, such as colours of 0…1."""
+    if rgb.ndim != 3 or rgb.shape[2] != 3 or rgb.dtype != np.uint8 or not rgb.size:
+        raise BadInput("an image of shape (height, width, 3), uint8, red first", _seen(rgb),
+                       "bring it to 0…255 and three colours")  # fmt: skip
+
+
+def _seen(image: NDArray[Any]) -> str:
+    return f"shape {image.shape}, {image.dtype}"
 
 
 def _damaged(jpeg: bytes) -> BadSource:

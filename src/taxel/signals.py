@@ -188,6 +188,8 @@ class Samples:
     """Shape (n, channels): `Validity` flags."""
 
     def __post_init__(self) -> None:
+        if self.values.ndim != 2:
+            raise ValueError(f"needed values of shape (n, channels); got {self.values.shape}")
         n, channels = self.values.shape
         for name in ("counter", "device_s", "arrival_s", "fitted_s"):
             if getattr(self, name).shape != (n,):
@@ -230,14 +232,21 @@ class Samples:
     ) -> Samples:
         """Wrap plain values taken at known times, as imports and tests have them.
 
-        Values that are not finite are flagged NOT_FINITE; values at or beyond
+        Values that are not finite, or masked, are flagged NOT_FINITE; values at or beyond
         `full_scale` are flagged SATURATED. The counter is the row number.
 
         Args:
             values: Shape (n, channels).
             time_s: Shape (n,), seconds; becomes device, arrival and fitted time.
             full_scale: Where the converter saturates, in the values' unit.
+
+        Raises:
+            ValueError: A shape is another, or the times are dates instead of seconds.
         """
+        if np.asarray(time_s).dtype.kind in "mM":
+            raise ValueError("needed time_s as seconds; got dates or spans of time")
+        if isinstance(values, np.ma.MaskedArray):
+            values = np.ma.filled(values.astype(np.float64), np.nan)
         with np.errstate(over="ignore"):  # beyond 32 bits is infinite, and flagged
             values32 = np.ascontiguousarray(values, dtype=np.float32)
         time = np.ascontiguousarray(time_s, dtype=np.float64)
@@ -258,6 +267,8 @@ class Samples:
             ValueError: There are no parts, or their channel counts differ.
         """
         runs = list(parts)
+        if len({run.values.shape[1] for run in runs}) != 1:
+            raise ValueError("needed runs of the same channels to join; got none, or others")
         return Samples(
             values=np.concatenate([run.values for run in runs]),
             counter=np.concatenate([run.counter for run in runs]),

@@ -103,6 +103,20 @@ def test_scaled_windows_give_the_same_probabilities_at_the_new_level(
     np.testing.assert_allclose(found.reference.level, OLD * change)
 
 
+@pytest.mark.parametrize("nothing", [0.0, np.nan])
+def test_a_silent_channel_keeps_its_level_in_the_check_windows_too(
+    bundle: Path, tmp_path: Path, nothing: float
+) -> None:
+    """Else the bundle could be written and never read again."""
+    level = OLD * np.array([2.0, 0.5, nothing, 1.0], np.float32)
+
+    (tmp_path / "b.taxel").write_bytes(bundle_at_level(bundle, level)[1])
+
+    reference = read_bundle(tmp_path / "b.taxel").contract.reference
+    assert reference is not None
+    np.testing.assert_allclose(reference.level, [2.0, 1.0, 0.5, 1.0])
+
+
 def test_a_bundle_without_reference_touches_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.taxel"
     networks = (new_network(lambda: Cnn2d(6, 4, 3), 0),)

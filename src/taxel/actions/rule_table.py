@@ -71,7 +71,7 @@ class RuleTable:
         return max(reached, key=lambda rule: rule.least).action if reached else ""
 
 
-def read_rules(path: Path, known: Mapping[str, Sequence[str]]) -> RuleTable:
+def read_rules(path: Path | str, known: Mapping[str, Sequence[str]]) -> RuleTable:
     """Return a table's rules.
 
     Args:
@@ -83,7 +83,9 @@ def read_rules(path: Path, known: Mapping[str, Sequence[str]]) -> RuleTable:
         BadFile: It is no text, or too large.
         OSError: It is not there.
     """
-    lines = (line for line in lines_of(path, MIB) if line.strip() and not line.startswith("#"))
+    lines = (
+        line for line in lines_of(Path(path), MIB) if line.strip() and not line.startswith("#")
+    )
     rows = list(csv.reader(lines))
     header = [cell.strip() for cell in rows[0]] if rows else []
     if sorted(header) not in (sorted(_COLUMNS), sorted((*_COLUMNS, _TARGET))):

@@ -39,7 +39,7 @@ def bundle_bytes(
     return pack(members)
 
 
-def bundle_at_level(path: Path, level: NDArray[np.float32]) -> tuple[Contract, bytes]:
+def bundle_at_level(path: Path | str, level: NDArray[np.float32]) -> tuple[Contract, bytes]:
     """Return a bundle for reference touches of another level: its contract and its bytes.
 
     The check windows are scaled along, so that the stored probabilities still hold.
@@ -57,7 +57,8 @@ def bundle_at_level(path: Path, level: NDArray[np.float32]) -> tuple[Contract, b
     new = at_level(old, level)
     assert old.reference is not None
     checks = ("values", "mask", "probabilities")
-    members = unpack(path, ("model.onnx", *(f"check_{name}.npy" for name in checks)))
+    members = unpack(Path(path), ("model.onnx", *(f"check_{name}.npy" for name in checks)))
     values, mask, probabilities = (from_npy(members[f"check_{name}.npy"]) for name in checks)
-    change = (level / old.reference.level).astype(np.float32)
+    assert new.reference is not None  # a channel that gives nothing keeps its level
+    change = (new.reference.level / old.reference.level).astype(np.float32)
     return new, bundle_bytes(new, members["model.onnx"], values * change, mask, probabilities)

@@ -202,7 +202,7 @@ def write_grasp_bundle(
 
 
 def read_grasp_bundle(
-    path: Path,
+    path: Path | str,
     *,
     engine: EngineName = "onnxruntime",
     precision: Precision = "f32",
@@ -217,6 +217,7 @@ def read_grasp_bundle(
             probabilities, or none of the keys of `trust` signed it.
         MissingExtra: The engine is not installed.
     """
+    path = Path(path)
     members = unpack(path, _MEMBERS, trust, ("backbone.onnx",))
     contract = contract_from_json(members["grasp.json"])
     features, expected = (
@@ -257,13 +258,13 @@ def read_grasp_bundle(
     )
 
 
-def read_grasp_contract(path: Path, trust: Trust | None = None) -> GraspContract:
+def read_grasp_contract(path: Path | str, trust: Trust | None = None) -> GraspContract:
     """Return what a grasp bundle needs and gives, without opening its models.
 
     Raises:
         BadBundle: It is missing, damaged, of another format, or not signed by a key of `trust`.
     """
-    return contract_from_json(unpack(path, ("grasp.json",), trust)["grasp.json"])
+    return contract_from_json(unpack(Path(path), ("grasp.json",), trust)["grasp.json"])
 
 
 def contract_to_json(contract: GraspContract) -> str:

@@ -49,7 +49,7 @@ class TouchLevel:
     """What a reader must know, a line each."""
 
 
-def measure_level(path: Path, contract: Contract, *, count: int | None = None) -> TouchLevel:
+def measure_level(path: Path | str, contract: Contract, *, count: int | None = None) -> TouchLevel:
     """Return the level of a recording's touches under a bundle's own window.
 
     Where trials carry the key that the bundle's reference names, those of its value are used;
@@ -70,6 +70,7 @@ def measure_level(path: Path, contract: Contract, *, count: int | None = None) -
             "a bundle trained with reference touches", "one without",
             "train it with --recipe teng-referenced, or with --window reference=…",
         )  # fmt: skip
+    path = Path(path)
     dataset = load_dataset(path, replace(contract.window, reference=None))
     contract.check_sensor(dataset.sensor)
     reference = parse_reference(contract.reference.touches)

@@ -19,7 +19,7 @@ from taxel.bundles.model_check import check_model
 from taxel.bundles.model_trial import Trial, try_models
 from taxel.bundles.signing import Trust
 from taxel.decisions.unknown import NoveltyTest
-from taxel.errors import BadBundle
+from taxel.errors import BadBundle, BadInput
 from taxel.models.devices import CPU
 from taxel.models.onnx_session import WindowModel
 
@@ -57,9 +57,14 @@ class Bundle:
         """Return class probabilities, shape (n, classes).
 
         Args:
-            values: Unscaled windows, shape (n, steps, channels), in the channels' units.
+            values: Unscaled windows, shape (n, steps, channels), in the channels' units; of
+                another kind of number than float32 they are converted.
             mask: Shape (n, steps).
+
+        Raises:
+            BadInput: A shape is another.
         """
+        values, mask = self._checked(values, mask)
         return self._run(self.contract.scaling.apply(values, mask), mask)
 
     def recognise(
@@ -75,7 +80,11 @@ class Bundle:
             Probabilities, shape (classes,), and novelty scores as `NoveltyTest.of_window` gives
             it; None where the bundle has no such test or gave NaN, or no row was measured:
             with a test, None means UNKNOWN.
+
+        Raises:
+            BadInput: A shape is another.
         """
+        values, mask = self._checked(values, mask)
         scaled = self.contract.scaling.apply(values, mask)
         found = self._run(scaled, mask)[0]
         if self.novelty_test is None or not isfinite(float(found.sum())):
@@ -83,9 +92,22 @@ class Bundle:
         rows = scaled[0] if mask.all() else scaled[0][mask[0]]
         return found, self.novelty_test.of_window(rows) if len(rows) else None
 
+    def _checked(
+        self, values: NDArray[np.float32], mask: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Return windows and mask as the model takes them; one channel would be taken for all."""
+        values, mask = np.asarray(values, np.float32), np.asarray(mask, np.bool_)
+        window = (self.contract.window.steps, len(self.contract.channels))
+        if values.shape[1:] != window or mask.shape != values.shape[:2]:
+            raise BadInput(
+                f"windows of shape (n, {window[0]}, {window[1]}) and a mask of (n, {window[0]})",
+                f"{values.shape} and {mask.shape}", "cut them with the contract's own window",
+            )  # fmt: skip
+        return values, mask
+
 
 def read_bundle(
-    path: Path, threads: int = 1, trust: Trust | None = None, device: str = CPU
+    path: Path | str, threads: int = 1, trust: Trust | None = None, device: str = CPU
 ) -> Bundle:
     """Open a bundle, after checking that it is whole and gives what it gave when written.
 
@@ -94,7 +116,7 @@ def read_bundle(
         BadBundle: It is missing, damaged, of another format, its check windows give other
             probabilities, or none of the keys of `trust` signed it.
     """
-    members = unpack(path, _MEMBERS, trust)
+    members = unpack(Path(path), _MEMBERS, trust)
     contract = contract_from_json(members["bundle.json"])
     values, mask, expected = (
         from_npy(members[f"check_{name}.npy"]) for name in ("values", "mask", "probabilities")
@@ -121,13 +143,13 @@ def read_bundle(
     return bundle
 
 
-def read_contract(path: Path, trust: Trust | None = None) -> Contract:
+def read_contract(path: Path | str, trust: Trust | None = None) -> Contract:
     """Return what a bundle needs and gives, without opening its model.
 
     Raises:
         BadBundle: It is missing, damaged, of another format, or not signed by a key of `trust`.
     """
-    return contract_from_json(unpack(path, ("bundle.json",), trust)["bundle.json"])
+    return contract_from_json(unpack(Path(path), ("bundle.json",), trust)["bundle.json"])
 
 
 def _check_shapes(

@@ -21,7 +21,7 @@ from taxel.bundles.envelope import signed
 from taxel.bundles.files import bundle_bytes
 from taxel.bundles.reader import Bundle
 from taxel.bundles.signing import Signer
-from taxel.errors import BadBundle
+from taxel.errors import BadBundle, BadInput
 from taxel.models.heads import TreesHead
 from taxel.models.tree_operator import OPSETS
 from taxel.recordings.whole import write_whole
@@ -46,7 +46,7 @@ class Classifier(nn.Module):
 
 
 def write_bundle(
-    path: Path,
+    path: Path | str,
     networks: tuple[nn.Module, ...],
     contract: Contract,
     values: NDArray[np.float32],
@@ -65,14 +65,21 @@ def write_bundle(
 
     Raises:
         BadBundle: The exported model gives other probabilities than the networks.
+        BadInput: There is no network or no window, or the windows are not the contract's.
         RecordingFailed: The disk refused.
     """
+    if not networks or not len(values):
+        got = f"{len(networks)} and {len(values)}"
+        raise BadInput(
+            "networks, and windows to measure parity on", got, "give one or more of each"
+        )
+    values, mask = np.asarray(values, np.float32), np.asarray(mask, np.bool_)
     classifier = Classifier(networks).eval()
     model = export_onnx(classifier, contract.window.steps, len(contract.channels))
+    found = Bundle(contract, model).probabilities(values, mask)
     scaled = contract.scaling.apply(values, mask)
     with torch.inference_mode():
         wanted = classifier(torch.from_numpy(scaled), torch.from_numpy(mask)).numpy()
-    found = Bundle(contract, model).probabilities(values, mask)
     parity = largest_difference(found, wanted)
     if not parity <= LARGEST_DIFFERENCE:
         raise BadBundle(

@@ -60,7 +60,7 @@ class Checked:
 
 
 def check_recipe(
-    path: Path,
+    path: Path | str,
     recipe: Recipe,
     *,
     folds: int = 5,
@@ -87,7 +87,7 @@ def check_recipe(
         BadTable: The table of folds cannot be used.
         RecordingFailed: The disk refused a fold.
     """
-    source = Source(path=path, recipe=recipe, folds=folds, given=given)
+    source = Source(path=Path(path), recipe=recipe, folds=folds, given=given)
     opened = open_source(source)
     dataset, split = opened.dataset, opened.split
     depends_on = {"recipe": asdict(recipe), "folds": folds, "data": dataset.digest,

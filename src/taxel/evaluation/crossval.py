@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.errors import BadInput, BadSplit
 from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
 from taxel.evaluation.part_scores import Parts, score_parts
 from taxel.evaluation.splits import Fold, Split, TrialFold
@@ -69,6 +70,11 @@ def run_fold(
         watch: Look at some test windows after each epoch, for a curve: nothing is chosen by them,
             and the last epoch's network is kept, whatever they say.
         on_epoch: Called after each epoch.
+
+    Raises:
+        BadDataset: A trial lacks the label.
+        BadSplit: A side has no windows.
+        ValueError: `training` is given for a fold of single windows.
     """
     y = dataset.class_numbers(job.target)
     train, test = fold.windows(dataset)
@@ -78,6 +84,11 @@ def run_fold(
             raise ValueError("needed a fold of whole trials for overlapping windows; got windows")
         train, _ = fold.windows(training)
         source = training
+    if not len(train) or not len(test):
+        raise BadSplit(
+            f"windows on both sides of {fold.name}", f"{len(train)} to train on and {len(test)} to "
+            "test", "name trials of this data set on each side",
+        )  # fmt: skip
     fitted = fit_model(
         replace(
             TrainingSet.of(source, job.target, train), classes=len(dataset.classes(job.target))
@@ -136,7 +147,14 @@ class Pooled:
 def pool(
     dataset: Dataset, split: Split, results: Sequence[FoldPredictions], target: str | None = None
 ) -> Pooled:
-    """Join the folds' test predictions; part by part where the target is named."""
+    """Join the folds' test predictions; part by part where the target is named.
+
+    Raises:
+        BadInput: There are none.
+    """
+    results = tuple(results)
+    if not results:
+        raise BadInput("the predictions of at least one fold", "none", "run run_fold on the folds")
     y = np.concatenate([result.y for result in results])
     probabilities = np.concatenate([result.probabilities for result in results])
     test = np.concatenate([result.test for result in results])

@@ -19,7 +19,7 @@ from taxel.errors import BadSplit
 from taxel.evaluation.first_share import first_share, group_numbers
 from taxel.labels.class_order import figures_as_classes
 from taxel.labels.joined import with_joined_label
-from taxel.windows.checks import MORE_WINDOWS, no_window
+from taxel.windows.checks import MORE_WINDOWS, labels_of, no_window
 from taxel.windows.dataset import Dataset
 
 NAMED = "random, group:KEY, order:KEY:LAST, order:KEY:LAST:END or order:KEY:70%"
@@ -174,7 +174,7 @@ def by_group(
     """
     _check_folds(folds)
     groups = dataset.group(key)
-    classes = [trial.labels[target] for trial in dataset.trials]
+    classes = labels_of(dataset.trials, target)
     empty = [with_joined_label(trial, target) for trial in dataset.empty]
     for name in sorted(set(classes)):
         own = sorted({g for g, c in zip(groups, classes, strict=True) if c == name})

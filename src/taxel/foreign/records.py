@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
+import numpy as np
+
 _Record = TypeVar("_Record")
 _LARGEST_INTEGER = 2**53
 """Above it a number of 64 bits is no longer exact."""
@@ -40,6 +42,18 @@ def record_of(kind: type[_Record], value: object, *, finite: bool = True) -> _Re
     types_of = get_type_hints(kind)
     given = {name: _checked(types_of[name], own, name, finite) for name, own in value.items()}
     return kind(**given)
+
+
+def own_numbers(record: object) -> None:
+    """Replace a frozen dataclass's numbers of NumPy's by Python's, as JSON and PyTorch need them.
+
+    Args:
+        record: Call it in `__post_init__`.
+    """
+    for field in fields(record):  # type: ignore[arg-type]
+        value = getattr(record, field.name)
+        if isinstance(value, np.generic):
+            object.__setattr__(record, field.name, value.item())
 
 
 def _checked(wanted: Any, value: Any, name: str, finite: bool) -> Any:

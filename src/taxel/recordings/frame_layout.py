@@ -56,6 +56,15 @@ def times_topic(camera_name: str) -> str:
     return f"{frame_topic(camera_name)}/times"
 
 
+def pack_times(frame: Frame) -> bytes:
+    """Return a frame's exact times and its counter, as they are recorded.
+
+    Raises:
+        struct.error: A time is no number, or the counter no whole one of 64 bits.
+    """
+    return _TIMES.pack(frame.fitted_s, frame.device_s, frame.arrival_s, frame.counter)
+
+
 def encode_frame(
     frame: Frame, name: str, cameras: int, sequence: int, wall_anchor_ns: int
 ) -> tuple[int, bytes, bytes]:
@@ -73,7 +82,7 @@ def encode_frame(
     channel = FRAME_CHANNEL + frame.camera
     log_ns, body = image_message(frame, name, wall_anchor_ns)
     image = message_record(channel, sequence, log_ns, publish_ns, *body)
-    exact = _TIMES.pack(frame.fitted_s, frame.device_s, frame.arrival_s, frame.counter)
+    exact = pack_times(frame)
     times = message_record(channel + cameras, sequence, log_ns, publish_ns, CDR_HEAD, exact)
     return log_ns, image, times
 

@@ -17,6 +17,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 
+import numpy as np
+
 from taxel import __version__
 from taxel.errors import BadFile, BadInput, BadRecording
 from taxel.foreign.json_text import Fields, parse_json
@@ -135,9 +137,10 @@ def check_manifest(manifest: Manifest) -> None:
     """
     try:
         from_record(to_record(manifest))
-    except BadRecording as error:
+    except (TypeError, ValueError) as error:
+        got = error.got if isinstance(error, BadRecording) else str(error)
         raise BadInput(
-            "a sensor or cameras that a recording can describe", error.got, "mend the source"
+            "a sensor or cameras that a recording can describe", got, "mend the source"
         ) from error
 
 
@@ -210,7 +213,14 @@ def _camera(value: object) -> CameraInfo:
 
 
 def _json(value: object) -> str:
-    return json.dumps(value, ensure_ascii=False, sort_keys=True)
+    return json.dumps(value, ensure_ascii=False, sort_keys=True, default=_plain)
+
+
+def _plain(value: object) -> object:
+    """Return a number of NumPy's as Python's."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{value!r} in place of a text or number")
 
 
 def _check_sum(pairs: Mapping[str, str]) -> str:

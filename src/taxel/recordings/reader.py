@@ -16,7 +16,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from taxel.errors import BadFile, BadRecording
+from taxel.errors import BadFile, BadInput, BadRecording
 from taxel.foreign.files import in_words
 from taxel.foreign.json_text import parse_json
 from taxel.recordings import scan_layout as layout
@@ -64,7 +64,7 @@ class Block:
     frames: list[Frame]
 
 
-def read_recording(path: Path) -> Recording:
+def read_recording(path: Path | str) -> Recording:
     """Return a recording as a whole.
 
     Raises:
@@ -94,7 +94,7 @@ def read_recording(path: Path) -> Recording:
     dtype = layout.record_dtype(len(manifest.sensor.channels), manifest.version)
     records = np.concatenate(runs) if runs else np.zeros(0, dtype)
     return Recording(
-        path=path,
+        path=Path(path),
         manifest=manifest,
         samples=layout.decode_scans(records),
         marks=marks,
@@ -102,7 +102,7 @@ def read_recording(path: Path) -> Recording:
     )
 
 
-def iterate_blocks(path: Path) -> Iterator[Block]:
+def iterate_blocks(path: Path | str) -> Iterator[Block]:
     """Yield a recording chunk by chunk, scans, marks and frames, in constant memory.
 
     A finished file whose last check sum fails raises at the end, after its
@@ -119,7 +119,7 @@ def iterate_blocks(path: Path) -> Iterator[Block]:
             yield Block(samples=item.samples(channels), marks=item.marks, frames=item.frames)
 
 
-def iterate_frames(path: Path, camera: int | None = None) -> Iterator[Frame]:
+def iterate_frames(path: Path | str, camera: int | None = None) -> Iterator[Frame]:
     """Yield a recording's frames, oldest first, in constant memory.
 
     Args:
@@ -137,7 +137,7 @@ def iterate_frames(path: Path, camera: int | None = None) -> Iterator[Frame]:
                     yield frame
 
 
-def iterate_tactile(path: Path) -> Iterator[Frame]:
+def iterate_tactile(path: Path | str) -> Iterator[Frame]:
     """Yield the frames of a recording's tactile cameras, oldest first, numbered among these.
 
     Raises:
@@ -147,7 +147,7 @@ def iterate_tactile(path: Path) -> Iterator[Frame]:
     yield from _frames_of(path, manifest, manifest.tactile)
 
 
-def iterate_jpeg(path: Path) -> Iterator[Frame]:
+def iterate_jpeg(path: Path | str) -> Iterator[Frame]:
     """Yield the frames of a recording's cameras of JPEG, oldest first, numbered among these.
 
     Raises:
@@ -157,7 +157,9 @@ def iterate_jpeg(path: Path) -> Iterator[Frame]:
     yield from _frames_of(path, manifest, manifest.of_jpeg)
 
 
-def _frames_of(path: Path, manifest: Manifest, cameras: Sequence[CameraInfo]) -> Iterator[Frame]:
+def _frames_of(
+    path: Path | str, manifest: Manifest, cameras: Sequence[CameraInfo]
+) -> Iterator[Frame]:
     """Yield the frames of some of a recording's cameras, numbered among these."""
     numbers = {manifest.cameras.index(camera): place for place, camera in enumerate(cameras)}
     for frame in iterate_frames(path):
@@ -165,7 +167,7 @@ def _frames_of(path: Path, manifest: Manifest, cameras: Sequence[CameraInfo]) ->
             yield replace(frame, camera=numbers[frame.camera])
 
 
-def iterate_slips(path: Path) -> Iterator[SlipNote]:
+def iterate_slips(path: Path | str) -> Iterator[SlipNote]:
     """Yield the slip that was measured while it was recorded, oldest first, in constant memory.
 
     Raises:
@@ -176,12 +178,15 @@ def iterate_slips(path: Path) -> Iterator[SlipNote]:
             yield from item.slips
 
 
-def iterate_samples(path: Path, block_scans: int = 4096) -> Iterator[Samples]:
+def iterate_samples(path: Path | str, block_scans: int = 4096) -> Iterator[Samples]:
     """Yield a recording's scans in blocks of `block_scans` (the last may be shorter).
 
     Raises:
+        BadInput: A block is to hold no scan.
         BadRecording: It is missing, no recording of taxel's, cut short, or damaged.
     """
+    if block_scans < 1:
+        raise BadInput("at least one scan in a block", f"{block_scans}", "give block_scans above 0")
     kept: list[Samples] = []
     count = 0
     for block in iterate_blocks(path):
@@ -199,7 +204,7 @@ def iterate_samples(path: Path, block_scans: int = 4096) -> Iterator[Samples]:
         yield Samples.join(kept)
 
 
-def read_manifest(path: Path) -> Manifest:
+def read_manifest(path: Path | str) -> Manifest:
     """Return what a recording is, from its head alone; also of an unfinished one.
 
     Raises:
@@ -211,12 +216,13 @@ def read_manifest(path: Path) -> Manifest:
     raise _no_manifest(path)
 
 
-def list_recordings(path: Path) -> list[Path]:
+def list_recordings(path: Path | str) -> list[Path]:
     """Return the recordings of a data set: a folder's *.mcap by name, or the one file.
 
     Raises:
         BadRecording: There is none, or one is unfinished and was not recovered.
     """
+    path = Path(path)
     if path.is_file():
         return [path]
     if not path.exists():
@@ -245,8 +251,9 @@ def _instead(folder: Path) -> str:
 Item = Manifest | dict[str, Any] | ChunkContent
 
 
-def _items(path: Path) -> Iterator[Item]:
+def _items(path: Path | str) -> Iterator[Item]:
     """Yield the manifest, then what each chunk holds, then the statistics."""
+    path = Path(path)
     if not path.exists() and part_path(path).exists():
         raise damaged(part_path(path), "a recording that was not finished")
     manifest: Manifest | None = None
@@ -287,7 +294,7 @@ def decoded(content: bytes, manifest: Manifest) -> ChunkContent:
     return found
 
 
-def _no_manifest(path: Path) -> BadRecording:
+def _no_manifest(path: Path | str) -> BadRecording:
     return BadRecording(
         "a recording that taxel wrote",
         f"{path}, an MCAP file without taxel's manifest",

@@ -15,13 +15,13 @@ from taxel.errors import BadInput, BadTable, RecordingFailed
 from taxel.held import MADE, REPLACED, scratch_folder
 
 
-def write_whole(path: Path, data: bytes | str) -> None:
+def write_whole(path: Path | str, data: bytes | str) -> None:
     """Write a file, whole or not at all; an older one is replaced. Text is written as UTF-8.
 
     Raises:
         RecordingFailed: The disk refused.
     """
-    with whole_file(path) as temporary:
+    with whole_file(Path(path)) as temporary:
         temporary.write_bytes(data.encode("utf-8") if isinstance(data, str) else data)
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import struct
 import threading
 import time
 from collections import deque
@@ -24,7 +25,9 @@ import numpy as np
 from taxel.errors import BadInput, RecordingFailed
 from taxel.held import output_of
 from taxel.recordings.chunk_writer import ChunkWriter, Item
+from taxel.recordings.frame_layout import pack_times
 from taxel.recordings.manifest import Manifest, check_manifest
+from taxel.recordings.mark_layout import encode_mark
 from taxel.recordings.part_file import (
     let_go,
     open_part,
@@ -70,7 +73,7 @@ class Recorder:
 
     def __init__(
         self,
-        path: Path,
+        path: Path | str,
         manifest: Manifest,
         *,
         flush_s: float = FLUSH_S,
@@ -79,7 +82,7 @@ class Recorder:
         overwrite: bool = False,
         opener: Callable[[Path], BinaryIO] | None = None,
     ) -> None:
-        self._path = path
+        self._path = path = Path(path)
         self._part = part_path(path)
         self._overwrite = overwrite
         self._manifest = manifest
@@ -156,10 +159,15 @@ class Recorder:
 
         Raises:
             RecordingFailed: The disk refused, now or earlier, or has stood still too long.
-            BadInput: Its times are not finite.
+            BadInput: Its times are not finite, or a label or group is no text.
         """
         if not all(abs(time_s) <= FURTHEST_S for time_s in (mark.start_s, mark.end_s)):
             raise BadInput("a mark with finite times", f"{mark.start_s}, {mark.end_s}", "mend it")
+        try:  # on the recorder's thread, it would end the recording
+            encode_mark(mark, 0, self._manifest.wall_anchor_ns)
+        except (AttributeError, TypeError, ValueError) as error:
+            got = f"labels {mark.labels} and groups {mark.groups}"
+            raise BadInput("texts as a mark's labels and groups", got, "write str(…)") from error
         self._put(mark, 1)
 
     def frame(self, frame: Frame) -> None:
@@ -167,7 +175,8 @@ class Recorder:
 
         Raises:
             RecordingFailed: The disk refused, now or earlier, or has stood still too long.
-            BadInput: The manifest has no such camera, or the fitted time is not finite.
+            BadInput: The manifest has no such camera, the image is no bytes, or a time or the
+                counter cannot be recorded.
         """
         if not 0 <= frame.camera < len(self._manifest.cameras):
             raise BadInput(
@@ -177,6 +186,16 @@ class Recorder:
             )
         if not abs(frame.fitted_s) <= FURTHEST_S:
             raise BadInput("a finite fitted time", f"{frame.fitted_s}", "check the source's clock")
+        if type(frame.jpeg) not in (bytes, bytearray):
+            got = type(frame.jpeg).__name__
+            raise BadInput("a frame's image as bytes", got, "encode it with encode_jpeg")
+        try:  # on the recorder's thread, it would end the recording
+            pack_times(frame)
+        except struct.error as error:
+            got = f"times {frame.device_s} and {frame.arrival_s}, counter {frame.counter}"
+            raise BadInput(
+                "times as seconds and a whole counter", got, "give NaN and -1"
+            ) from error
         self._put(frame, 1)
 
     def slip(self, note: SlipNote) -> None:

@@ -89,7 +89,7 @@ _HURRIED = ("sim", "replay")
 """Schemes that can run faster than the world does."""
 
 
-def open_source(url: str, clock: Clock | None = None) -> Source:
+def open_source(url: str | Path, clock: Clock | None = None) -> Source:
     """Open a source; use it in a `with` block.
 
     Args:
@@ -102,7 +102,7 @@ def open_source(url: str, clock: Clock | None = None) -> Source:
         BadRecording: A recording to replay cannot be read.
         MissingExtra: The source needs a package that is not installed.
     """
-    scheme, name, options = _split(url)
+    scheme, name, options = _split(str(url))
     return SCHEMES[scheme](name, options, clock or SystemClock())
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from taxel.bundles.contract import Contract
 from taxel.bundles.writer import write_bundle
-from taxel.errors import BadDataset
+from taxel.errors import BadDataset, BadInput
 from taxel.models.catalogue import find_network
 from taxel.training.curves import Epoch
 from taxel.training.exemplars import all_exemplars, thin_out
@@ -29,10 +29,10 @@ _PARITY_WINDOWS = 1000
 
 
 def train_on_all(
-    path: Path,
+    path: Path | str,
     recipe: Recipe,
     *,
-    checkpoints: Path,
+    checkpoints: Path | str,
     resume: bool = False,
     unknown: float | None = None,
     part: Callable[[Dataset], Dataset] = lambda dataset: dataset,
@@ -45,14 +45,18 @@ def train_on_all(
         recipe: Window, model, target and training.
         checkpoints: A folder for checkpoints; deleted when all is trained.
         resume: True goes on from checkpoints found there.
-        unknown: Share of known touch that may be rejected as novel, 0…1; None makes no such test.
+        unknown: Share of known touch that may be rejected as novel, between 0 and 1; None makes
+            no such test.
         part: Takes from all windows those that may be learned from, as a split says.
         on_epoch: Called after each epoch.
 
     Raises:
         BadDataset: The recordings do not make such a data set.
-        BadInput: A checkpoint is damaged or of another configuration.
+        BadInput: `unknown` is no such share, or a checkpoint is damaged or another training's.
     """
+    if unknown is not None and not 0 < unknown < 1:
+        raise BadInput("a share between 0 and 1 for unknown", f"{unknown}", "give one such as 0.05")
+    path, checkpoints = Path(path), Path(checkpoints)
     find_network(recipe.model)
     dataset = load_dataset(path, recipe.window, target=recipe.target)
     check_gate(dataset)
@@ -84,7 +88,9 @@ def train_on_all(
     )
 
 
-def train_bundle(path: Path, recipe: Recipe, bundle: Path, run: Path | None = None) -> Contract:
+def train_bundle(
+    path: Path | str, recipe: Recipe, bundle: Path | str, run: Path | str | None = None
+) -> Contract:
     """Train a recipe on all recordings and write its bundle; return the bundle's contract.
 
     Args:
@@ -93,9 +99,9 @@ def train_bundle(path: Path, recipe: Recipe, bundle: Path, run: Path | None = No
         bundle: The file to write.
         run: A folder to keep the run in, too.
     """
-    trained = train_on_all(path, recipe, checkpoints=bundle.with_suffix(".checkpoints"))
+    trained = train_on_all(path, recipe, checkpoints=Path(bundle).with_suffix(".checkpoints"))
     if run is not None:
-        save_run(run, trained)
+        save_run(Path(run), trained)
     windows = load_dataset(path, recipe.window).windows[:_PARITY_WINDOWS]
     return write_bundle(bundle, trained.networks, trained.contract, windows.values, windows.mask)
 

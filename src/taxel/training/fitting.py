@@ -120,9 +120,7 @@ def fit_model(
     scaling = fit_scaling(kind, windows.values, windows.mask, training.full_scale)
     data = Labelled(scaling.apply(windows.values, windows.mask), windows.mask, training.y)
     if isinstance(model, Baseline):
-        estimator = model.build(job.train.seed)
-        estimator.fit(data.values, data.mask, data.y)
-        return Fitted(estimator, scaling, [])
+        return Fitted(_fitted_library(model, data, training.classes, job.train.seed), scaling, [])
     rows, channels = steps or data.values.shape[1], data.values.shape[2]
     watched = None
     if validation is not None:
@@ -144,6 +142,36 @@ def fit_model(
         )
         networks.append(network)
     return Fitted(tuple(networks), scaling, history)
+
+
+def _fitted_library(model: Baseline, data: Labelled, classes: int, seed: int) -> Estimator:
+    """Return a library's model, fitted; a class without a training window has probability 0."""
+    present = np.unique(data.y)
+    estimator = model.build(seed)
+    estimator.fit(data.values, data.mask, np.searchsorted(present, data.y))
+    return estimator if len(present) == classes else _OfSomeClasses(estimator, present, classes)
+
+
+@dataclass(frozen=True, slots=True)
+class _OfSomeClasses:
+    """A library's model that has seen some of the classes only: it numbers those it has seen."""
+
+    seen: Estimator
+    present: NDArray[np.intp]
+    """Class numbers of its columns, ascending."""
+    classes: int
+
+    def fit(
+        self, values: NDArray[np.float32], mask: NDArray[np.bool_], y: NDArray[np.intp]
+    ) -> None:
+        self.seen.fit(values, mask, y)
+
+    def predict_proba(
+        self, values: NDArray[np.float32], mask: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        found = np.zeros((len(values), self.classes))
+        found[:, self.present] = self.seen.predict_proba(values, mask)
+        return found
 
 
 def training_windows(path: Path, dataset: Dataset, recipe: Recipe) -> Dataset:

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
+from taxel.errors import BadInput
+from taxel.foreign.records import own_numbers
 from taxel.models.forest import CourseForest
 from taxel.models.touchnet import TouchNet
 from taxel.training.augment import Augment
@@ -47,6 +49,23 @@ class TrainConfig:
     """Random changes to training windows; none by default, as in the thesis."""
     seed: int = 0
     """Seed of weights, order and augmentation."""
+
+    def __post_init__(self) -> None:
+        own_numbers(self)
+        counts = (self.epochs, self.batch, 1 if self.steps is None else self.steps)
+        if min(counts) < 1:
+            raise BadInput(
+                "epochs, batch and steps of at least 1", f"{counts}", "give whole numbers"
+            )
+        sizes = (self.learning_rate, 1.0 if self.clip is None else self.clip)
+        if not all(0 < size < math.inf for size in sizes) or not self.weight_decay >= 0:
+            raise BadInput(
+                "a learning_rate and clip above 0, and no weight_decay below 0",
+                f"{self.learning_rate}, {self.clip} and {self.weight_decay}", "give such numbers",
+            )  # fmt: skip
+        shares = (self.warmup, self.label_smoothing)
+        if not all(0 <= share <= 1 for share in shares):
+            raise BadInput("warmup and label_smoothing within 0 and 1", f"{shares}", "give shares")
 
 
 @dataclass(frozen=True, slots=True)

@@ -105,12 +105,13 @@ def contract_of(
     )
 
 
-def save_run(folder: Path, run: Run) -> None:
+def save_run(folder: Path | str, run: Run) -> None:
     """Write a run's folder, whole or not at all; an older run there is replaced.
 
     Raises:
         RecordingFailed: The disk refused.
     """
+    folder = Path(folder)
     try:
         with whole_folder(folder) as made:
             _write_run(made, run)
@@ -165,7 +166,7 @@ def _write_run(temporary: Path, run: Run) -> None:
     (temporary / "run.json").write_text(json.dumps(about, indent=1, sort_keys=True) + "\n")
 
 
-def load_run(folder: Path, *, weights: bool = True) -> Run:
+def load_run(folder: Path | str, *, weights: bool = True) -> Run:
     """Read a run's folder.
 
     Args:
@@ -175,6 +176,7 @@ def load_run(folder: Path, *, weights: bool = True) -> Run:
     Raises:
         BadInput: The folder is no run, is damaged, or has no weights to load.
     """
+    folder = Path(folder)
     if (folder / IN_RUN).is_file():
         raise BadInput(
             f"a run of an array in {folder}", "one of camera trials",

@@ -62,7 +62,7 @@ class CameraRecording:
         return int(self.image.max()) + 1
 
 
-def read_camera_recording(path: Path, least: int = LEAST_FRAMES) -> CameraRecording:
+def read_camera_recording(path: Path | str, least: int = LEAST_FRAMES) -> CameraRecording:
     """Read what a recording holds, but for the pixels.
 
     Args:
@@ -73,6 +73,7 @@ def read_camera_recording(path: Path, least: int = LEAST_FRAMES) -> CameraRecord
         BadRecording: It is damaged.
         BadDataset: It has no cameras, or too few sets of frames.
     """
+    path = Path(path)
     recording = read_recording(path)
     manifest = recording.manifest
     if not manifest.tactile:
@@ -115,7 +116,7 @@ def read_camera_recording(path: Path, least: int = LEAST_FRAMES) -> CameraRecord
     )
 
 
-def read_camera_recordings(path: Path, least: int = LEAST_FRAMES) -> list[CameraRecording]:
+def read_camera_recordings(path: Path | str, least: int = LEAST_FRAMES) -> list[CameraRecording]:
     """Read a folder of recordings, or one; many at a time where an engine is in use.
 
     Args:
@@ -183,7 +184,7 @@ def check_order(pours: Sequence[CameraRecording]) -> None:
             )  # fmt: skip
 
 
-def frame_sets(path: Path, cameras: int) -> Iterator[FrameSet]:
+def frame_sets(path: Path | str, cameras: int) -> Iterator[FrameSet]:
     """Yield sets of a recording's tactile frames, oldest first, in constant memory."""
     return join_frames(iterate_tactile(path), cameras)
 

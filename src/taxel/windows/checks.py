@@ -140,6 +140,40 @@ def check_size(
     )
 
 
+def labels_of(trials: Sequence[Trial], target: str) -> list[str]:
+    """Return each trial's value of a label.
+
+    Raises:
+        BadDataset: A trial lacks it.
+    """
+    lacking = sum(target not in trial.labels for trial in trials)
+    if lacking:
+        known = ", ".join(sorted({name for trial in trials for name in trial.labels})) or "none"
+        raise BadDataset(
+            f"the label {target!r} on every trial",
+            f"{lacking} of {len(trials)} without it; the labels are {known}",
+            "name one of those, or load with target=, which leaves such trials out",
+        )
+    return [trial.labels[target] for trial in trials]
+
+
+def check_indices(index: NDArray[np.intp], trials: int) -> None:
+    """Refuse trials that a data set does not have.
+
+    Args:
+        index: Shape (n,), ascending.
+        trials: How many it has.
+
+    Raises:
+        BadDataset: There is such an index.
+    """
+    if len(index) and not 0 <= index[0] <= index[-1] < trials:
+        raise BadDataset(
+            f"indices of trials from 0 to {trials - 1}", f"{index[0]} to {index[-1]}",
+            "take those of this data set",
+        )  # fmt: skip
+
+
 def check_classes(trials: Sequence[Trial], target: str, empty: Sequence[Trial] = ()) -> None:
     """Refuse trials that are all of one class.
 

@@ -12,6 +12,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from taxel.foreign.records import own_numbers
+
 GRID_RATE_HZ = 100.0
 """Rows a second of an array window; 12 rows span 120 ms. Source: our choice
 (the thesis does not say), docs/decisions/0003."""
@@ -98,6 +100,13 @@ class WindowConfig:
     they are. Source: our choice, docs/decisions/0026."""
 
     def __post_init__(self) -> None:
+        own_numbers(self)
+        if self.layout not in ("A", "B"):
+            raise ValueError(f"needed layout A or B; got {self.layout!r}")
+        if self.grid_hz is not None and not 0 < self.grid_hz < math.inf:
+            raise ValueError(f"needed a grid above 0 Hz, or None; got {self.grid_hz}")
+        if self.channels is not None and not self.channels:
+            raise ValueError("needed at least one channel, or None for all; got none")
         if self.steps < 1 or self.stride < 1:
             raise ValueError(
                 f"needed steps and stride of at least 1; got {self.steps} and {self.stride}"

@@ -23,10 +23,12 @@ from taxel.signals import Samples, SensorInfo
 from taxel.windows.checks import (
     OUTSIDE,
     check_classes,
+    check_indices,
     check_sensor,
     check_size,
     filled_note,
     grid_note,
+    labels_of,
     nothing_found,
     nothing_usable,
     rare_note,
@@ -34,7 +36,7 @@ from taxel.windows.checks import (
 )
 from taxel.windows.config import WindowConfig
 from taxel.windows.rates import fit_age, fit_gap, rates_note, rates_of
-from taxel.windows.reference import Reference, parse_reference, session_levels, to_usual
+from taxel.windows.reference import Reference, parse_reference, session_levels, to_usual, usual_of
 from taxel.windows.windower import Windows, cut_windows
 
 LABEL_THEM = "label the recordings: taxel label RECORDINGS --intervals TABLE --output FOLDER"
@@ -82,16 +84,24 @@ class Dataset:
         return len(self.windows)
 
     def classes(self, target: str) -> list[str]:
-        """Return the values of a label, sorted; numbers as numbers."""
-        return list(in_order(trial.labels[target] for trial in self.trials))
+        """Return the values of a label, sorted; numbers as numbers.
+
+        Raises:
+            BadDataset: A trial lacks it.
+        """
+        return list(in_order(labels_of(self.trials, target)))
 
     def only_trials(self, kept: Collection[int]) -> Dataset:
         """Return some of the trials with their windows; nothing of the others remains.
 
         Args:
             kept: Indices into `trials`; their order stays.
+
+        Raises:
+            BadDataset: There is no such trial.
         """
         index = np.array(sorted(kept), np.intp)
+        check_indices(index, len(self.trials))
         own = np.isin(self.trial, index)
         trials = tuple(self.trials[i] for i in index)
         names = {trial.recording for trial in trials}
@@ -105,9 +115,13 @@ class Dataset:
         )
 
     def class_numbers(self, target: str) -> NDArray[np.intp]:
-        """Return each window's class as an index into `classes(target)`, shape (n,)."""
+        """Return each window's class as an index into `classes(target)`, shape (n,).
+
+        Raises:
+            BadDataset: A trial lacks the label.
+        """
         index = {name: number for number, name in enumerate(self.classes(target))}
-        by_trial = np.array([index[trial.labels[target]] for trial in self.trials], np.intp)
+        by_trial = np.array([index[name] for name in labels_of(self.trials, target)], np.intp)
         return by_trial[self.trial]
 
     def group(self, key: str) -> NDArray[np.str_]:
@@ -139,7 +153,7 @@ class Dataset:
 
 
 def load_dataset(
-    path: Path,
+    path: Path | str,
     config: WindowConfig,
     *,
     target: str | None = None,
@@ -161,6 +175,7 @@ def load_dataset(
         BadDataset: There is no recording, no window, the sensors differ, or their rates where
             their own scans are rows, no trial has the target, or all are of one class.
     """
+    path = Path(path)
     paths = list_recordings(path)
     stated = config.max_age_s is not None and config.grid_hz is None  # then no rate is asked for
     rates_hz = [] if stated else rates_of(paths)
@@ -291,7 +306,7 @@ def _referred(
     """Bring each session to one level; leave out the touches that it was measured on."""
     touches = parse_reference(text)
     levels, used = session_levels(windows.values, windows.mask, trial, trials, touches)
-    usual = _usual(levels)
+    usual = usual_of(levels)
     left = ~used[trial]
     if not left.any():
         raise BadDataset(
@@ -307,14 +322,6 @@ def _referred(
         Reference(touches=text, level=usual),
         factor[kept],
     )
-
-
-def _usual(levels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the geometric mean over the sessions that measured a channel; 1 where none did."""
-    each = np.unique(levels, axis=0)
-    known = each > 0
-    logs = np.where(known, np.log(np.where(known, each, 1.0)), 0.0)
-    return np.asarray(np.exp(logs.sum(axis=0) / np.maximum(known.sum(axis=0), 1)), np.float32)
 
 
 def recut(path: Path, dataset: Dataset, stride: int, steps: int) -> Dataset:

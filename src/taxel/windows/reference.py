@@ -77,6 +77,18 @@ def touch_level(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray
     return np.asarray(level, np.float32)
 
 
+def usual_of(levels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the geometric mean over the sessions that measured a channel; 1 where none did.
+
+    Args:
+        levels: Shape (trials, channels): of each trial's session.
+    """
+    each = np.unique(levels, axis=0)
+    known = each > 0
+    logs = np.where(known, np.log(np.where(known, each, 1.0)), 0.0)
+    return np.asarray(np.exp(logs.sum(axis=0) / np.maximum(known.sum(axis=0), 1)), np.float32)
+
+
 def to_usual(level: NDArray[np.float32], usual: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return what values at a level are multiplied by; 1 where a channel gives nothing.
 

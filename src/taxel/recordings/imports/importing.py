@@ -62,8 +62,8 @@ class ImportOptions:
 
 
 def import_table(
-    manifest_csv: Path,
-    output_dir: Path,
+    manifest_csv: Path | str,
+    output_dir: Path | str,
     *,
     data_dir: Path | None = None,
     intervals: Path | None = None,
@@ -86,6 +86,7 @@ def import_table(
         BadTable: A table or any file is not as it should be; then nothing is written.
         RecordingFailed: The disk refused.
     """
+    manifest_csv, output_dir = Path(manifest_csv), Path(output_dir)
     rows = read_rows(manifest_csv, data_dir or manifest_csv.parent, outside=options.allow_outside)
     return import_rows(
         rows, output_dir, code_dir=manifest_csv.parent, intervals=intervals_of(rows, intervals),

@@ -12,7 +12,7 @@ docs/decisions/0013.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,10 +94,10 @@ class CupPourConfig:
             raise ValueError(
                 "needed gel 1 for an approach: a layer that nothing touches is not modelled"
             )
-        if self.cups < 1 or self.repetitions < 1 or not self.positions or not self.forces_n:
-            raise ValueError("needed at least one cup, position, force and repetition")
-        if min(self.forces_n) <= 0:
-            raise ValueError("needed forces above 0 N")
+        if min(self.cups, self.repetitions) < 1 or not self.forces_n or min(self.forces_n) <= 0:
+            raise ValueError("needed at least one cup and repetition, and forces above 0 N")
+        if not set() < set(self.positions) <= set(get_args(Position)) or self.seed < 0:
+            raise ValueError("needed positions among upper, middle and lower, and a seed from 0")
         if not (0 <= self.negatives <= 1 and 0 <= self.still <= 1):
             raise ValueError("needed negatives and still within 0 and 1")
         if self.duration_s < 1.0 or self.frame_hz <= 0 or self.first_cup < 0:

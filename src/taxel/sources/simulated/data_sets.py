@@ -29,7 +29,7 @@ _CONTACT_V = 1.55
 """Counted for the reader. Source: TENG thesis, section 3.5.1."""
 
 
-def simulate_presets(folder: Path, presets: tuple[str, ...], scans: int, seed: int) -> None:
+def simulate_presets(folder: Path | str, presets: tuple[str, ...], scans: int, seed: int) -> None:
     """Write folder/PRESET for each preset.
 
     Args:
@@ -42,7 +42,7 @@ def simulate_presets(folder: Path, presets: tuple[str, ...], scans: int, seed: i
         config = checked_config(
             preset=preset, seed=seed, scans_per_class=scans, rate_hz=DATA_SET_RATE_HZ
         )
-        write_sessions(folder / preset, config, lambda _: None)
+        write_sessions(Path(folder) / preset, config, lambda _: None)
 
 
 def simulate_unknown(folder: Path, scans: int, seed: int) -> None:
@@ -60,7 +60,7 @@ def simulate_unknown(folder: Path, scans: int, seed: int) -> None:
 
 
 def write_sessions(
-    output: Path, config: TengHandConfig, on_session: Callable[[str], None]
+    output: Path | str, config: TengHandConfig, on_session: Callable[[str], None]
 ) -> list[dict[str, Any]]:
     """Write one recording a session into a new folder, whole or not at all.
 
@@ -76,7 +76,7 @@ def write_sessions(
         BadInput: The folder exists.
         RecordingFailed: The disk refused.
     """
-    with fresh_folder(output) as made:
+    with fresh_folder(Path(output)) as made:
         return [_write_session(made, session, config) for session in _announced(config, on_session)]
 
 

@@ -142,7 +142,7 @@ def camera_info(
 
 
 def write_run(
-    folder: Path, run: PourRun, config: CupPourConfig, camera_hz: float
+    folder: Path | str, run: PourRun, config: CupPourConfig, camera_hz: float
 ) -> dict[str, Any]:
     """Simulate a run and write its recording into a folder that is there; return its row.
 
@@ -156,6 +156,7 @@ def write_run(
         now_s=0.0,
         cameras=tuple(video.info for video in videos),
     )
+    folder = Path(folder)
     if not folder.is_dir():  # the folder's owner was killed: nobody would remove it again
         raise RecordingFailed(f"needed the folder {folder}; it is gone; start again.")
     with Recorder(folder / f"{run.name}.mcap", manifest, overwrite=True) as recorder:

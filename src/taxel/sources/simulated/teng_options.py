@@ -84,12 +84,16 @@ def checked_config(**settings: Any) -> TengHandConfig:
         settings: Fields of `TengHandConfig`.
 
     Raises:
-        BadInput: One lies outside.
+        BadInput: One lies outside, or is none of the names that there are.
     """
     for name, value in settings.items():
         low, high = LIMITS.get(name, (-math.inf, math.inf))
         ends = value if isinstance(value, tuple) else (value,)
         if isinstance(value, str):
+            if value not in (known := get_args(OPTIONS.get(name))):
+                raise BadInput(
+                    f"{name} among {', '.join(known)}", repr(value), "choose one of them"
+                )
             continue
         if not all(low <= end <= high for end in ends) or ends[0] > ends[-1]:
             order = ", the smaller first" if len(ends) > 1 else ""

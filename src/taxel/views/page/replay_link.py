@@ -51,8 +51,8 @@ class ReplayLink:
         MissingExtra: It has depth images, which need OpenCV to be shown.
     """
 
-    def __init__(self, path: Path, clock: Clock | None = None) -> None:
-        self._path = path
+    def __init__(self, path: Path | str, clock: Clock | None = None) -> None:
+        self._path = path = Path(path)
         self._clock = clock or SystemClock()
         self._manifest = read_manifest(path)
         need_depth_pictures(self._manifest.cameras)
