@@ -7,6 +7,7 @@ very thing, size limit included. Knows nothing about windows, folds or files.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,9 @@ and do not fit in 2 ms."""
 DEEPEST = 20
 MOST_TREE_BYTES = 6_000_000
 """Of one forest's tables before packing: three fit in a bundle. Source: as above."""
+SHARE_SEEN, MOST_SEEN = 0.3, 400
+"""Share of all features, and most of them, among which extremely randomised trees look for a split,
+by entropy: a few of a thousand are mostly those that say nothing. Source: as above."""
 HIDDEN, MEMBERS, EPOCHS, BATCH, RATE = 64, 4, 30, 200, 1e-3
 """Of a perceptron: scikit-learn's usual batch and step size. Source: as above."""
 _TAILS = (0.5, 99.5)
@@ -109,7 +113,10 @@ def _extra_trees(x: Features, y: Classes, classes: int, leaf: float, seed: int) 
     """Extremely randomised trees; `leaf` is the least number of windows in a leaf."""
     from sklearn.ensemble import ExtraTreesClassifier
 
-    return _forest(ExtraTreesClassifier, x, y, classes, leaf, seed)
+    width = x.shape[1]
+    seen = round(min(max(SHARE_SEEN * width, width**0.5), max(MOST_SEEN, width**0.5)))
+    build = partial(ExtraTreesClassifier, criterion="entropy", max_features=max(1, seen))
+    return _forest(build, x, y, classes, leaf, seed)
 
 
 def _random_forest(x: Features, y: Classes, classes: int, leaf: float, seed: int) -> nn.Module:
