@@ -119,6 +119,15 @@ def test_what_the_time_does_not_allow_is_left_out_and_said(base: Base):
     assert found.left_out
 
 
+def test_without_any_time_a_discriminant_logistic_regression_and_trees_are_tried(base: Base):
+    """Classes that lie around one another no linear model parts."""
+    found = search(base, list(range(16)), 0.0)
+
+    families = [tried.candidate.family for *_, tried in found.board]
+    assert families == ["discriminant", "linear", "trees"]
+    assert found.left_out
+
+
 @pytest.mark.slow
 def test_an_interrupted_choice_goes_on_where_it_was(base: Base, tmp_path: Path):
     first = KeptTries(tmp_path / "t", {})
