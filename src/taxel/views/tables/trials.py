@@ -207,15 +207,15 @@ def _difference_line(found: Difference, group: str) -> str:
 
 
 def _counted(count: int, group: str) -> str:
-    return f"{count} {visible(group)}{'s' * (count != 1)}"
+    return f"{count} {visible(group) if count == 1 else several(visible(group))}"
 
 
 def _weakest(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
     groups = by_group(trials, split, ours)
     missed = [(name, right, of) for name, (right, of) in groups.items() if right < of]
     if not missed:
-        several = "all " * (len(groups) > 1)
-        return f"all trials of {several}{_counted(len(groups), split.group)} are correct."
+        whole = "all " * (len(groups) > 1)
+        return f"all trials of {whole}{_counted(len(groups), split.group)} are correct."
     shown = ", ".join(f"{visible(name)} {right}/{of}" for name, right, of in missed[:_WEAKEST])
     return (
         f"{len(groups) - len(missed)} of {len(groups)} {several(split.group)} have all trials "
