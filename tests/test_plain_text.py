@@ -275,9 +275,9 @@ def test_figures_that_differ_look_different(numbers: tuple[float, ...], shown: l
 
 
 @pytest.mark.parametrize(
-    ("one", "many"),
+    ("name", "several_named"),
     [("session", "sessions"), ("day", "days"), ("pitch", "pitches"), ("body", "bodies"),
      ("box", "boxes"), ("class", "classes")],
 )  # fmt: skip
-def test_several_of_a_group_are_named_as_in_english(one: str, many: str) -> None:
-    assert several(one) == many
+def test_several_of_a_group_are_named_as_in_english(name: str, several_named: str) -> None:
+    assert several(name) == several_named
