@@ -22,6 +22,7 @@ from taxel.plain_text import (
     figures,
     html_text,
     json_text,
+    several,
     shell_words,
     short_names,
     visible,
@@ -271,3 +272,12 @@ def test_a_list_of_names_shows_where_each_ends():
 def test_figures_that_differ_look_different(numbers: tuple[float, ...], shown: list[str]) -> None:
     """To the sixth decimal at least, without zeros behind."""
     assert figures(*numbers) == shown
+
+
+@pytest.mark.parametrize(
+    ("name", "several_named"),
+    [("session", "sessions"), ("day", "days"), ("pitch", "pitches"), ("body", "bodies"),
+     ("box", "boxes"), ("class", "classes")],
+)  # fmt: skip
+def test_several_of_a_group_are_named_as_in_english(name: str, several_named: str) -> None:
+    assert several(name) == several_named

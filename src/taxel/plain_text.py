@@ -65,6 +65,13 @@ def visible_line(value: object, most: int = MOST_LINE) -> str:
     return without_controls(text).replace("\n", "\\x0a")
 
 
+def several(key: str) -> str:
+    """Return a group's name for several of its values: "session" → "sessions"."""
+    if key.endswith("y") and key[-2:-1] not in "aeiou":
+        return f"{key[:-1]}ies"
+    return f"{key}es" if key.endswith(("s", "x", "ch", "sh")) else f"{key}s"
+
+
 def without_controls(text: str) -> str:
     """Return text of several lines without a character that a terminal would obey.
 

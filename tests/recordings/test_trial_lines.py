@@ -92,8 +92,9 @@ def test_a_label_that_is_named_by_its_number_is_no_channel(tmp_path) -> None:
     assert read_recording(made[1]).manifest.labels == {"fruit": "4"}
 
 
-def test_scans_side_by_side_may_have_the_same_names(tmp_path) -> None:
-    row = "all.csv,trials rows:2 channels,kiwi,mon,1[N] 2[N] 3[N] 4[N],rate:50Hz"
-    made = bring(tmp_path, row, "a,b,a,b\n1,2,3,4\n5,6,7,8\n")
+@pytest.mark.parametrize("channels", ["1[N] 2[N] 3[N] 4[N]", "*[N]"])
+def test_scans_side_by_side_may_have_the_same_names(tmp_path, channels) -> None:
+    row = f"all.csv,trials rows:2 channels,from:fruit,mon,{channels},rate:50Hz"
+    made = bring(tmp_path, row, "a,b,a,b,fruit\n1,2,3,4,kiwi\n5,6,7,8,kiwi\n")
 
     np.testing.assert_array_equal(read_recording(made[1]).samples.values, [[5, 6], [7, 8]])

@@ -19,7 +19,7 @@ from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import write_bundle
 from taxel.decisions.joining import Joining
 from taxel.errors import BadInput
-from taxel.evaluation.nested import Nested, check_choice, check_choosing
+from taxel.evaluation.nested import Nested, check_choice, check_choosing, worse_than_judged
 from taxel.evaluation.outer_split import USUAL, OuterSplit, check_training_parts
 from taxel.evaluation.shared_values import objects_on_both
 from taxel.evaluation.splits import Split, TrialFold
@@ -231,7 +231,8 @@ def _within(
     return Expert(
         run=run, choice=fitted.choice, nested=nested, measured=measured,
         given_up=fitted.given_up,
-        notes=(*base.notes, *learned.notes, *live_note(base, learned.config), *over),
+        notes=(*base.notes, *learned.notes, *live_note(base, learned.config), *over,
+               *worse_than_judged(fitted.choice, nested)),
     )  # fmt: skip
 
 

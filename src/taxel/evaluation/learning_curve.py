@@ -21,6 +21,7 @@ from taxel.evaluation.crossval import FoldPredictions, pool, run_fold
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.evaluation.usual_split import recipe_split
 from taxel.labels.trials import coarsest_group
+from taxel.plain_text import several
 from taxel.training.final import check_gate
 from taxel.training.fitting import Job
 from taxel.training.recipes import Recipe
@@ -88,14 +89,14 @@ def learning_curve(
     most = max(map(len, orders))
     if most < 2:
         raise BadSplit(
-            f"at least two {key}s to learn from in a fold", f"{most}",
-            f"record more {key}s, or choose another split",
+            f"at least two {several(key)} to learn from in a fold", f"{most}",
+            f"record more {several(key)}, or choose another split",
         )  # fmt: skip
     job = Job.of(recipe)
     amounts = []
     for share in shares(most, steps):
         part = given(dataset, split, orders, share / most, key)
-        on_step(f"{recipe.model} · {share} of {most} {key}s")
+        on_step(f"{recipe.model} · {share} of {most} {several(key)}")
         results = [run_fold(dataset, fold, job) for fold in part.folds]
         amounts.append(_amount(dataset, part, results, recipe.target, key))
     return LearningCurve(

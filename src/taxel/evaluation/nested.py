@@ -166,6 +166,29 @@ def check_choosing(
     )  # fmt: skip
 
 
+def worse_than_judged(choice: Choice, nested: Nested | None) -> tuple[str, ...]:
+    """Return a warning where what is saved had too little time to be what the score is of.
+
+    Its inner folds learn from more data than those of the choices that were judged, so that they
+    are no worse, but by chance.
+
+    Args:
+        choice: What is saved.
+        nested: The score of other choices, on parts of the data.
+    """
+    if nested is None or not choice.left_out:
+        return ()
+    least = min(judged.accuracy for judged in nested.choices)
+    low = nested.scores.intervals[nested.scores.group].low
+    if choice.accuracy >= min(least, low):
+        return ()
+    return (
+        f"warning: the saved model is right for {choice.accuracy:.1%} of its inner folds' windows, "
+        f"those that were judged above for {least:.1%} or more: its own search was cut short, and "
+        "the accuracy above is not to be expected of it; --minutes allows more",
+    )
+
+
 def check_choice(
     base: Base,
     prepared: Prepared,

@@ -16,6 +16,7 @@ from scipy.stats import binomtest
 from taxel.errors import BadInput
 from taxel.evaluation.intervals import ratio_interval
 from taxel.labels.trials import Trial, coarsest_group, lone_group
+from taxel.plain_text import several
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
 
@@ -248,7 +249,7 @@ def _refuse_regrouped(one: Predictions, two: Predictions, keys: Collection[str])
     for key in sorted(keys):
         ours, theirs = ([p.trials[t].groups.get(key) for t in p.trial] for p in (one, two))
         changed = [own != other for own, other in zip(ours, theirs, strict=True)]
-        _refuse_changed(f"{key}s", key, np.array(changed))
+        _refuse_changed(several(key), key, np.array(changed))
 
 
 def _refuse_changed(what: str, kind: str, changed: NDArray[np.bool_]) -> None:
@@ -280,7 +281,7 @@ def _ordered(found: Predictions) -> Predictions:
 
 def _verdict(paired: Paired, first: str, second: str) -> str:
     n, points = len(paired.groups), 100 * paired.difference
-    groups = f"{n} {paired.group}s"
+    groups = f"{n} {several(paired.group)}"
     sentences = []
     if not paired.only_first and not paired.only_second:
         sentences.append("The two runs are right and wrong on the very same windows.")
@@ -314,8 +315,8 @@ def _verdict(paired: Paired, first: str, second: str) -> str:
         )
     if paired.group != paired.coarsest:
         sentences.append(
-            f"{paired.group.capitalize()}s of one {paired.coarsest} are alike too: it promises "
-            "much."
+            f"{several(paired.group.capitalize())} of one {paired.coarsest} are alike too: it "
+            "promises much."
         )
     if paired.lone not in (None, paired.group):
         sentences.append(

@@ -20,6 +20,7 @@ from taxel.decisions.recognition import RecogniseConfig
 from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
 from taxel.evaluation.paired import LEVEL, coarsest_of, smallest_p, tested_of
 from taxel.labels.trials import lone_group
+from taxel.plain_text import several
 from taxel.training.predictions import Predictions
 
 BINS = 10
@@ -202,7 +203,7 @@ def baseline_warning(
     """
     shown = f"{name} ({accuracy:.1%})".replace("%", " %")
     standing, comparison = beside_baselines(shown, accuracy, interval, group, trivial)
-    more = f"record more {group}s"
+    more = f"record more {several(group)}"
     mend = {
         "behind": "do not claim this accuracy; run taxel audit to find what gives the label away, "
         f"train longer, or {more}",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.labels.trials import OBJECTS, Trial, held_out
+from taxel.plain_text import several
 
 
 def can_be_held_out(values: Sequence[str], y: NDArray[np.intp]) -> bool:
@@ -46,8 +47,8 @@ def on_both_sides(
     if not both or not can_be_held_out(values, y):
         return None
     return (
-        f"{len(both)} of {len(tested)} tested {key}s are on both sides: the accuracy holds for "
-        f"{key}s that were learned from; --split group:{key} holds them out"
+        f"{len(both)} of {len(tested)} tested {several(key)} are on both sides: the accuracy "
+        f"holds for {several(key)} that were learned from; --split group:{key} holds them out"
     )
 
 

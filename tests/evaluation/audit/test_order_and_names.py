@@ -206,6 +206,8 @@ def test_a_channel_that_counts_is_named(
         ("left", "right", False), ("glove a", "glove b", False), ("10", "10.0", False),
         ("bottle", "battles", False), ("Straße", "strasse", True),
         ("ceramic_mug", "ceramic_mugg", True), ("cup", "cupp", True), ("cup", "cups", False),
+        ("-40.0", "40.0", False), ("\u22127", "7", False), ("-5 N", "5 N", False),
+        ("-40.0", "-40_0", False), ("-cup", "cup", True),
     ],
 )  # fmt: skip
 def test_names_that_are_probably_one(a: str, b: str, same: bool) -> None:

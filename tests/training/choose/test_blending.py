@@ -21,7 +21,21 @@ def test_kinds_that_do_about_as_well_are_averaged_and_one_far_behind_is_not():
     assert found.why.startswith("a blend, the mean")
     alone = mix([good, bad], ["a", "c"], ["a", "c"], [(0,)] * 2, y, groups)
     assert alone.members == (0,)
-    assert alone.why.startswith("the best model")
+    assert alone.why == "one model alone, because all other kinds are far behind"
+    only = mix([good, other], ["a", "a"], ["a", "a"], [(0,)] * 2, y, groups)
+    assert only.why == "one model alone, because no other kind was tried"
+
+
+def test_a_discriminant_that_is_alone_beside_a_better_regression_is_not_called_the_best():
+    """The regression is better, but by less than 0.03 nats."""
+    y = np.arange(300) % 2
+    regression, steady = (softmax(np.eye(2)[y] * size) for size in (0.45, 0.42))
+
+    found = mix([regression, steady], ["logistic", "discriminant"], ["sums", "discriminant"],
+                [(0,)] * 2, y, np.arange(300) // 10)  # fmt: skip
+
+    assert found.members == (1,)
+    assert found.why.startswith("a discriminant alone: logistic regression and perceptrons are")
 
 
 def test_few_groups_leave_more_to_chance_than_many():

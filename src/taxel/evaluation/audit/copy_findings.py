@@ -14,11 +14,11 @@ from taxel.evaluation.audit.case import Case
 from taxel.evaluation.audit.copies import ENOUGH, Pairs
 from taxel.evaluation.audit.evidence import trial_folds
 from taxel.evaluation.audit.finding import Finding
-from taxel.evaluation.audit.names import several
 from taxel.evaluation.audit.shared import Partners, looked_up
 from taxel.evaluation.audit.sides import Sides
 from taxel.evaluation.audit.touch_set import SESSIONS, Pieces, TouchSet
 from taxel.labels.trials import OBJECTS
+from taxel.plain_text import several
 
 COPIES_UNKNOWN = Finding(
     kind="duplicates", verdict="not checked",

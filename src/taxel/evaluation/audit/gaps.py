@@ -22,9 +22,9 @@ from taxel.evaluation.audit.evidence import (
     trial_folds,
 )
 from taxel.evaluation.audit.finding import Finding, Verdict
-from taxel.evaluation.audit.names import several
 from taxel.evaluation.audit.nuisances import sum_up
 from taxel.evaluation.audit.touch_set import Pieces, TouchSet, cut_pieces
+from taxel.plain_text import several
 
 GAP = 0.03
 """Accuracy that a careless split must add. Our choice, docs/decisions/0023."""

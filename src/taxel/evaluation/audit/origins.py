@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.evidence import LabelEvidence, evidence_of, look_up, predict
 from taxel.evaluation.audit.finding import Verdict
-from taxel.evaluation.audit.names import several
 from taxel.evaluation.audit.touch_set import SESSIONS, TouchSet
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import OBJECTS
+from taxel.plain_text import several
 
 FINGERPRINT = 0.9
 """Accuracy from which a name counts as the label's fingerprint. Our choice, decision 23."""

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from taxel.evaluation.audit.case import Case
 from taxel.evaluation.audit.evidence import majority
 from taxel.evaluation.audit.finding import Finding
-from taxel.evaluation.audit.names import several
 from taxel.evaluation.audit.touch_set import SESSIONS, TIMES
 from taxel.labels.trials import OBJECTS
+from taxel.plain_text import several
 
 Partners = Sequence[NDArray[np.intp]]
 """For each test piece of a fold: the training pieces that give it away."""

@@ -17,9 +17,10 @@ import numpy as np
 from taxel.errors import BadTable
 from taxel.plain_text import visible
 from taxel.recordings.imports.table_columns import text_cells, text_names
-from taxel.recordings.imports.table_form import header_names
+from taxel.recordings.imports.table_form import column_places, header_names, is_whole
 from taxel.recordings.imports.tables import (
     ALL,
+    Column,
     Missing,
     Table,
     names_of,
@@ -155,7 +156,7 @@ class LineTrials:
 
     def _read(self, missing: Missing) -> Table:
         """Return all lines, with the names and units of the channels of one scan."""
-        found = read_table(self._path, self._columns, self._time, missing, in_trials=True,
+        found = read_table(self._path, self._wanted(), self._time, missing, in_trials=True,
                            but=header_names(self._names, self.names))  # fmt: skip
         scans, count = self._axes.scans, len(found.names)
         if scans == 1:
@@ -176,6 +177,16 @@ class LineTrials:
                            "correct the column 'channels', or 'axes'")  # fmt: skip
         return replace(found, names=tuple(f"c{number}" for number in range(1, width + 1)),
                        units=tuple(units[0].tolist()))  # fmt: skip
+
+    def _wanted(self) -> Sequence[Column]:
+        """Return the columns; where * means all those of several scans, which often have the names
+        of a scan again and again, by their numbers.
+        """
+        if not self._all or self._axes.scans == 1 or any(map(is_whole, self.names)):
+            return self._columns
+        described = column_places(self._names, self.names)
+        return [Column(name=str(place + 1), unit=self._columns[0].unit)
+                for place in range(len(self.names)) if place not in described]  # fmt: skip
 
     def _numbers_of_lines(self, found: Table) -> str:
         """Return a remark on columns that * took for channels, but that may count the lines."""

@@ -50,7 +50,12 @@ _MEAN = (
     "logistic regression and perceptrons unless clearly better than discriminants. No single "
     "model is better by more than chance, and the mean is safer for new groups"
 )
-_ALONE = "the best model alone, because all other kinds are far behind"
+_ALONE = "one model alone, because all other kinds are far behind"
+_STEADY_ALONE = (
+    "a discriminant alone: logistic regression and perceptrons are left out unless clearly better "
+    "than discriminants, and any other kind that was tried is far behind"
+)
+_ONLY = "one model alone, because no other kind was tried"
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,9 +167,9 @@ def mix(
     by_window = np.stack([losses(found, y) for found in probabilities])
     each = by_window.mean(axis=1)
     best = int(each.argmin())
-    champions = _without_likes(_champions(by_window, kinds, camps, freedom, groups), camps, each)
-    why = _MEAN if len(champions) > 1 else _ALONE
-    equal = Mix(champions, _shared(champions, camps), why)
+    near = _champions(by_window, kinds, camps, freedom, groups)
+    champions = _without_likes(near, camps, each)
+    equal = Mix(champions, _shared(champions, camps), _why_mean(champions, near, kinds))
     others = [
         Mix((best,), (1.0,), "this model alone, clearly ahead of all blends"),
         _greedy(probabilities, y, best),
@@ -176,6 +181,21 @@ def mix(
         if gain.mean() > most and gain.mean() > by_chance(gain, groups):
             chosen, most = other, gain.mean()
     return chosen
+
+
+def _why_mean(champions: tuple[int, ...], near: tuple[int, ...], kinds: list[str]) -> str:
+    """Return why these candidates are joined.
+
+    Args:
+        champions: Of each kind in the mean the candidate.
+        near: The same before some were left out for a steadier camp.
+        kinds: Each candidate's kind.
+    """
+    if len(champions) > 1:
+        return _MEAN
+    if len(near) > 1:
+        return _STEADY_ALONE
+    return _ALONE if len(set(kinds)) > 1 else _ONLY
 
 
 def _without_likes(

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
 from taxel.labels.trials import TIME, USUAL_GROUPS, Trial, as_numbers, group_value
+from taxel.plain_text import several
 
 FOLDS = 5
 """Inner folds of successive trials. Source: our choice, 0039."""
@@ -47,7 +48,7 @@ class Held:
         """Return it in words."""
         if self.key is None:
             return "successive trials"
-        return f"successive {self.key}s" if self.ordered else f"whole {self.key}s"
+        return f"{'successive' if self.ordered else 'whole'} {several(self.key)}"
 
 
 def groups_of(trials: Sequence[Trial], held: Held) -> NDArray[np.intp]:

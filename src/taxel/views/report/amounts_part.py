@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from taxel.plain_text import several
 from taxel.views.report.charts import Axis, Line, line_chart
 from taxel.views.report.page import (
     Html,
@@ -42,13 +43,14 @@ def amounts_part(data: Mapping[str, Any]) -> Html:
     ]  # fmt: skip
     chart = line_chart(
         lines,
-        Axis(label=f"{group}s to learn from", low=0, high=max(groups), ticks=groups),
+        Axis(label=f"{several(group)} to learn from", low=0, high=max(groups), ticks=groups),
         Axis(label="accuracy", low=0, high=1),
     )
     legend = key([("var(--c0)", f"{data['model']}, 95 %"), ("var(--grey)", lines[0].name)])
     sentence = ["Split: ", split_name(data["split"]), ". Each amount holds the one before; "
-                f"{group}s are added whole, in an order drawn by seed {data['seed']}; the test "
-                f"parts stay. Interval: whole {group}s of the test parts drawn again."]  # fmt: skip
+                f"{several(group)} are added whole, in an order drawn by seed {data['seed']}; "
+                f"the test parts stay. Interval: whole {several(group)} of the test parts drawn "
+                "again."]  # fmt: skip
     rows: list[list[object]] = []
     for amount, value in zip(amounts, best, strict=True):
         name = max(amount["trivial"], key=amount["trivial"].get)
@@ -56,7 +58,7 @@ def amounts_part(data: Mapping[str, Any]) -> Html:
             str(amount["groups"]), f"{amount['windows']:,}", percent(float(amount["accuracy"])),
             band(_number(amount["low"]), _number(amount["high"])), percent(float(value)), name,
         ])  # fmt: skip
-    head = [f"{group}s", "windows", "accuracy", "95 %", "best trivial baseline", "which"]
+    head = [several(group), "windows", "accuracy", "95 %", "best trivial baseline", "which"]
     return join([tag("p", join(sentence)), figure(chart, legend), table(head, rows)])
 
 

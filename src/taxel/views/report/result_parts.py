@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from taxel.evaluation.paired import Paired
 from taxel.evaluation.run_scores import RunScores, beside_baselines, only_one
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, TASKS
+from taxel.plain_text import several
 from taxel.training.curves import Curve
 from taxel.training.run import Run
 from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart, matrix
@@ -83,13 +84,14 @@ def accuracies(
             ),
             figure(
                 dot_chart(dots),
-                f"Accuracy over all test windows, with 95 % CI, bootstrapped over {group}s. Grey: "
-                "baselines, which see no touch, hardly any, or only channel means.",
+                "Accuracy over all test windows, with 95 % CI, bootstrapped over "
+                f"{several(group)}. Grey: baselines, which see no touch, hardly any, or only "
+                "channel means.",
             ),
             join([tag("p", note) for note in {_lone(judged[name]) for name in runs} if note]),
             _cleared({name: judged[name] for name in runs}, runs),
             table(
-                ["run", "model", "accuracy", f"95 % CI over {group}s, %",
+                ["run", "model", "accuracy", f"95 % CI over {several(group)}, %",
                  "by trial", "loss, nats",
                  "ROC-AUC", "F1", "parameters"],
                 rows,
@@ -216,8 +218,8 @@ def comparison(found: Paired, first: str, second: str) -> Html:
             Html("<h3>"), f"{second} against {first}", Html("</h3>"),
             tag("p", found.say(first, second), "note"),
             table(
-                ["", first, second, "difference, points [95 %]", f"p over {n} {found.group}s",
-                 "smallest possible", "p over windows"],
+                ["", first, second, "difference, points [95 %]",
+                 f"p over {n} {several(found.group)}", "smallest possible", "p over windows"],
                 [["accuracy", percent(found.first), percent(found.second),
                   f"{100 * found.difference:+.1f}{interval_text(found)}",
                   f"{found.p_groups:.2g}", f"{found.smallest_p:.2g}", f"{found.p_windows:.2g}"]],

@@ -18,7 +18,7 @@ from taxel.evaluation.run_scores import (
     only_one,
     unnamed_line,
 )
-from taxel.plain_text import visible, visible_line
+from taxel.plain_text import several, visible, visible_line
 from taxel.training.choose.choice import Choice
 from taxel.views.tables.results import result_table
 from taxel.windows.checks import OUTSIDE
@@ -121,7 +121,7 @@ def nested_table(nested: Nested) -> RenderableType:
         if name not in blind:
             table.add_row(name, f"{accuracy:.4f}", style="dim")
     interval = scores.intervals[scores.group]
-    over = f"95 % CI over {interval.groups} {visible(scores.group)}s: "
+    over = f"95 % CI over {interval.groups} {several(visible(scores.group))}: "
     lines = [Text(f"{over}{interval.low:.4f} … {interval.high:.4f}{_all_right(nested)}")]
     if blind:
         hidden = ", ".join(blind)

@@ -9,14 +9,15 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from taxel.evaluation.learning_curve import LearningCurve
-from taxel.plain_text import visible
+from taxel.plain_text import several, visible
 from taxel.views.tables.results import bracketed, result_table
 
 
 def learning_curve_table(found: LearningCurve) -> RenderableType:
     """Return a row an amount: groups, windows, accuracy, and the best trivial baseline's."""
     table = result_table(
-        None, (f"{visible(found.group)}s", "windows", "accuracy [95 %]", "best baseline", "which")
+        None,
+        (several(visible(found.group)), "windows", "accuracy [95 %]", "best baseline", "which"),
     )
     for amount in found.amounts:
         best = max(amount.trivial, key=lambda name: amount.trivial[name])
@@ -26,7 +27,7 @@ def learning_curve_table(found: LearningCurve) -> RenderableType:
             f"{amount.trivial[best]:.4f}", visible(best),
         )  # fmt: skip
     about = f"{visible(found.target)} · {visible(found.model)} · split: {visible(found.split)}"
-    interval = f"interval: 95 %, whole {visible(found.group)}s of the test parts resampled"
+    interval = f"interval: 95 %, whole {several(visible(found.group))} of the test parts resampled"
     return Group(Text(about, style="bold"), table, Text(interval), Text(last_step(found)))
 
 
@@ -35,6 +36,6 @@ def last_step(found: LearningCurve) -> str:
     before, last = found.amounts[-2], found.amounts[-1]
     points = 100 * (last.accuracy - before.accuracy)
     return (
-        f"from {before.groups} to {last.groups} {visible(found.group)}s accuracy changed by "
-        f"{points:+.1f} points"
+        f"from {before.groups} to {last.groups} {several(visible(found.group))} accuracy changed "
+        f"by {points:+.1f} points"
     )

@@ -25,7 +25,7 @@ from taxel.evaluation.camera_trials.crossval import (
 from taxel.evaluation.camera_trials.sides import TrialSplit, shared_values
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.evaluation.paired import LEVEL, smallest_p
-from taxel.plain_text import visible, visible_line, visible_names
+from taxel.plain_text import several, visible, visible_line, visible_names
 from taxel.recordings.imports.spelling import by_numbers
 from taxel.views.tables.results import bracketed
 from taxel.views.tables.trial_notes import control_warnings, trial_notes
@@ -72,7 +72,7 @@ def trial_tables(
         parts.append(Text(f"warning: {visible_line(warning)}", style="yellow"))
     if warning := _too_few(split, trials):
         parts.append(Text(f"warning: {warning}", style="yellow"))
-    return Group(*parts, Text(f"Intervals in []: 95 % CI, whole {split.group}s resampled."))
+    return Group(*parts, Text(f"Intervals in []: 95 % CI, whole {several(split.group)} resampled."))
 
 
 def _too_few(split: TrialSplit, trials: TrialSet) -> str:
@@ -207,19 +207,19 @@ def _difference_line(found: Difference, group: str) -> str:
 
 
 def _counted(count: int, group: str) -> str:
-    return f"{count} {visible(group)}{'s' * (count != 1)}"
+    return f"{count} {visible(group) if count == 1 else several(visible(group))}"
 
 
 def _weakest(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
     groups = by_group(trials, split, ours)
     missed = [(name, right, of) for name, (right, of) in groups.items() if right < of]
     if not missed:
-        several = "all " * (len(groups) > 1)
-        return f"all trials of {several}{_counted(len(groups), split.group)} are correct."
+        whole = "all " * (len(groups) > 1)
+        return f"all trials of {whole}{_counted(len(groups), split.group)} are correct."
     shown = ", ".join(f"{visible(name)} {right}/{of}" for name, right, of in missed[:_WEAKEST])
     return (
-        f"{len(groups) - len(missed)} of {len(groups)} {split.group}s have all trials correct; "
-        f"lowest: {shown}."
+        f"{len(groups) - len(missed)} of {len(groups)} {several(split.group)} have all trials "
+        f"correct; lowest: {shown}."
     )
 
 
