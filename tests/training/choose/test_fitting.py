@@ -1,11 +1,15 @@
 """Heads that are fitted on features: what each must be able to learn."""
 
+from typing import Any
+
 import numpy as np
+import pytest
 from numpy.typing import NDArray
-from sklearn.ensemble import ExtraTreesClassifier
+from scipy.special import softmax
+from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
 
 from taxel.training.choose.candidates import Candidate
-from taxel.training.choose.fitting import TREES, fit_head, head_logits
+from taxel.training.choose.fitting import DEEPEST, TREES, fit_head, head_logits
 
 
 def windows(count: int, seed: int) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
@@ -30,10 +34,35 @@ def test_extra_trees_find_the_few_features_that_matter_among_many():
     assert right > 0.4
 
 
-def test_extra_trees_can_be_fitted_on_a_single_feature():
+@pytest.mark.parametrize("model", ["extra-trees", "random-forest"])
+def test_trees_look_at_both_of_two_features(model: str):
+    """The root of two is one: trees that see one feature a split would give other answers."""
+    x = np.random.default_rng(0).normal(size=(600, 2)).astype(np.float32)
+    y = (np.arctan2(x[:, 1], x[:, 0]) > 0).astype(np.intp)
+
+    head = fit_head(Candidate("trees", model, "rows", 2), x[:300], y[:300], 2)
+
+    got = softmax(head_logits(head, x[300:]), axis=1)
+    both, single = (grown(model, seen, x[:300], y[:300]).predict_proba(x[300:]) for seen in (2, 1))
+    np.testing.assert_allclose(got, both, atol=0.005)
+    assert np.abs(got - single).max() > 0.1
+
+
+def grown(model: str, seen: int, x: NDArray[np.float32], y: NDArray[np.intp]) -> Any:
+    """Return scikit-learn's own forest."""
+    settings = {"max_features": seen, "min_samples_leaf": 2, "max_depth": DEEPEST}
+    if model == "extra-trees":
+        return ExtraTreesClassifier(TREES, criterion="entropy", random_state=0, **settings).fit(
+            x, y
+        )
+    return RandomForestClassifier(TREES, random_state=0, **settings).fit(x, y)
+
+
+@pytest.mark.parametrize("model", ["extra-trees", "random-forest"])
+def test_trees_can_be_fitted_on_a_single_feature(model: str):
     y = np.arange(40) % 2
     x = y[:, None].astype(np.float32)
 
-    head = fit_head(Candidate("trees", "extra-trees", "means", 2), x, y, 2)
+    head = fit_head(Candidate("trees", model, "means", 2), x, y, 2)
 
     assert (head_logits(head, x).argmax(axis=1) == y).all()

@@ -6,6 +6,7 @@ very thing, size limit included. Knows nothing about windows, folds or files.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -29,6 +30,9 @@ MOST_TREE_BYTES = 6_000_000
 SHARE_SEEN, MOST_SEEN = 0.3, 400
 """Share of all features, and most of them, among which extremely randomised trees look for a split,
 by entropy: a few of a thousand are mostly those that say nothing. Source: as above."""
+FEWEST_SEEN = 3
+"""Features among which trees of both kinds look at least: of two channels both. Source: as
+above."""
 HIDDEN, MEMBERS, EPOCHS, BATCH, RATE = 64, 4, 30, 200, 1e-3
 """Of a perceptron: scikit-learn's usual batch and step size. Source: as above."""
 _TAILS = (0.5, 99.5)
@@ -113,16 +117,22 @@ def _extra_trees(x: Features, y: Classes, classes: int, leaf: float, seed: int) 
     """Extremely randomised trees; `leaf` is the least number of windows in a leaf."""
     from sklearn.ensemble import ExtraTreesClassifier
 
-    width = x.shape[1]
-    seen = round(min(max(SHARE_SEEN * width, width**0.5), max(MOST_SEEN, width**0.5)))
-    build = partial(ExtraTreesClassifier, criterion="entropy", max_features=max(1, seen))
+    seen = max(_usually_seen(x), round(min(SHARE_SEEN * x.shape[1], MOST_SEEN)))
+    build = partial(ExtraTreesClassifier, criterion="entropy", max_features=seen)
     return _forest(build, x, y, classes, leaf, seed)
 
 
 def _random_forest(x: Features, y: Classes, classes: int, leaf: float, seed: int) -> nn.Module:
     from sklearn.ensemble import RandomForestClassifier
 
-    return _forest(RandomForestClassifier, x, y, classes, leaf, seed)
+    build = partial(RandomForestClassifier, max_features=_usually_seen(x))
+    return _forest(build, x, y, classes, leaf, seed)
+
+
+def _usually_seen(x: Features) -> int:
+    """Return the root of the number of features, as is usual, but no fewer than `FEWEST_SEEN`."""
+    width = int(x.shape[1])
+    return max(math.isqrt(width), min(FEWEST_SEEN, width))
 
 
 def _forest(build: Any, x: Features, y: Classes, classes: int, leaf: float, seed: int) -> nn.Module:
