@@ -16,7 +16,7 @@ from taxel.recordings.reader import (
     read_recording,
 )
 from taxel.recordings.writer import Recorder
-from taxel.signals import Mark, Samples, Validity
+from taxel.signals import Mark, Samples, SlipNote, Validity
 
 ARRAYS = ("values", "counter", "device_s", "arrival_s", "fitted_s", "validity")
 
@@ -151,15 +151,15 @@ def test_scans_that_do_not_fit_are_refused(tmp_path, manifest, numbered):
             recorder.write(timeless)
 
 
-def test_a_mark_that_cannot_be_written_is_as_loud_as_a_full_disk(tmp_path, manifest):
+def test_what_cannot_be_written_is_as_loud_as_a_full_disk(tmp_path, manifest):
     """Nothing that goes wrong in the writer's thread goes unnoticed."""
     recorder = Recorder(tmp_path / "a.mcap", manifest)
     with pytest.raises(BadInput, match="finite"):
         recorder.mark(Mark(start_s=np.nan, end_s=1.0, labels={}))
-    recorder.mark(Mark(start_s=0.0, end_s=1.0, labels={"a": object()}))  # type: ignore[dict-item]
-    with pytest.raises(RecordingFailed, match="AttributeError"):
+    recorder.slip(SlipNote(time_s=0.0, who="left", values={"slip_mm": object()}))  # type: ignore[dict-item]
+    with pytest.raises(RecordingFailed, match="TypeError"):
         recorder.flush()
-    with pytest.raises(RecordingFailed, match="AttributeError"):
+    with pytest.raises(RecordingFailed, match="TypeError"):
         recorder.close()
 
 
