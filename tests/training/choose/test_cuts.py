@@ -158,7 +158,8 @@ def test_what_a_first_look_found_is_used_again_and_changes_nothing(
     prepared = [own for own in prepare_all(base) if own.config.steps in (400, 900)]
 
     found = choose(base, prepared, range(24), Held("session"), until(2 + 2 + 2))
-    assert (fits.count(900), fits.count(400)) == (2 * 3, 2 * 3)  # two models on three folds
+    # Two models on three folds each, and of the way that is taken a third.
+    assert (fits.count(900), fits.count(400)) == (3 * 3, 2 * 3)
 
     alone = choose(base, prepared[1:], range(24), Held("session"), until(2 + 2))
 
@@ -216,6 +217,48 @@ def test_of_many_windows_those_compared_are_of_all_classes_though_recorded_in_tu
     assert (cells > 0.9 * cells.max()).all()
     assert set(np.bincount(thin.prepared.trial[thin.windows]).tolist()) == {0, 10}
     assert (part.name, thin.name) == ("25 rows", "25 rows, 1 of 4")
+
+
+class Answers(Seen):
+    """Tries whose answers are the same in all windows of a trial: 0.9 for its class, or 0.1."""
+
+    def __init__(self, wrong: dict[int, int]) -> None:
+        super().__init__()
+        self.wrong = wrong
+        """How many of the first trials are answered wrongly, by a window's rows."""
+
+    def look(self, part: Part, candidates: Any, sets: Any, fold: int) -> list[Tried]:
+        return self._answers(part, part.fold == fold)
+
+    def of(self, part: Part) -> list[Tried]:
+        return self._answers(part, part.scored)
+
+    def _answers(self, part: Part, own: Any) -> list[Tried]:
+        missed = part.prepared.trial[part.windows[own]] < self.wrong[part.steps]
+        y = part.y[own]
+        found = np.full((len(y), 2), 0.1)
+        found[np.arange(len(y)), np.where(missed, 1 - y, y)] = 0.9
+        return 2 * [Tried(Candidate("linear", "logistic", "all", 0.03), found, 1.0, 1.0, 0.5, 0.0)]
+
+
+@pytest.mark.parametrize(("missed", "taken"), [(1, 900), (8, 100)])
+def test_shorter_windows_must_be_better_by_more_than_chance_over_trials(missed: int, taken: int):
+    """One of 40 trials that a whole misses makes short windows far better in the mean."""
+
+    def part_of(steps: int, windows: int) -> Part:
+        trial = np.repeat(np.arange(40), windows)
+        prepared = SimpleNamespace(
+            name=f"{steps} rows", trial=trial, kept=np.arange(len(trial)), stretch=trial,
+            dataset=SimpleNamespace(
+                windows=SimpleNamespace(values=np.zeros((len(trial), steps, 2)), padded=0)
+            ),
+        )  # fmt: skip
+        return Part(cast(Prepared, prepared), np.arange(len(trial)), trial // 2 % 3, trial % 2,
+                    np.ones(len(trial), bool), 2)  # fmt: skip
+
+    found = best_cut([part_of(900, 1), part_of(100, 9)], Answers({900: missed, 100: 0}))
+
+    assert found.best.steps == taken
 
 
 def test_without_time_the_most_natural_way_is_taken_and_the_others_are_said(tmp_path: Path):

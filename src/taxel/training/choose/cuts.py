@@ -9,13 +9,13 @@ Source: docs/decisions/0039.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.training.choose.blending import losses
+from taxel.training.choose.blending import by_chance, losses
 from taxel.training.choose.candidates import Candidate, Sets
 from taxel.training.choose.inner_folds import tested_folds
 from taxel.training.choose.joining import fit_joining, join, unit_classes
@@ -25,7 +25,7 @@ _QUICK_WINDOWS = 1500
 """Windows on which ways to cut are compared. Source: our choice, 0039."""
 BETTER_CUT, CUT_SLACK = 1.1, 0.01
 """A way to cut replaces a more natural one where the latter's loss is so many times its own and so
-much more. Source: our choice, 0039."""
+much more, and more than chance over trials. Source: our choice, 0039."""
 FAR_BEHIND, FAR_NATS = 2.0, 0.1
 """A way whose loss on the first inner fold is so many times the best one's there, and so much more,
 is not compared further. Source: our choice, 0039."""
@@ -98,10 +98,12 @@ def best_cut(parts: Sequence[Part], tries: Tries) -> Cuts:
         if compared and len(tried) < len(pair):
             continue
         way.loss = way.with_guesses(_stretch_loss(way.part, tried, way.part.scored))
+        way.by_trial = _trial_losses(way.part, tried)
         compared.append(way)
-    enough = BETTER_CUT * min(way.loss for way in compared) + CUT_SLACK
-    best = next(way.whole for way in compared if way.loss <= enough)
-    return Cuts(best, tuple(behind), tuple(left_out))
+    least = min(compared, key=lambda way: way.loss)
+    enough = BETTER_CUT * least.loss + CUT_SLACK
+    best = next(way for way in compared if way.loss <= enough or not _is_surely_worse(way, least))
+    return Cuts(best.whole, tuple(behind), tuple(left_out))
 
 
 @dataclass(slots=True)
@@ -115,6 +117,8 @@ class _Cutting:
     """Trials of which this way makes windows, as a share of those of the best way, 0…1."""
     loss: float = float("inf")
     """Of the quick models on inner folds, nats; infinite until it was tried."""
+    by_trial: dict[int, float] = field(default_factory=dict)
+    """The same for each trial that it decides."""
 
     def with_guesses(self, loss: float) -> float:
         """Return a loss of the decided trials, nats, with the others guessed at."""
@@ -127,6 +131,17 @@ def _quick_pair(sets: Sets) -> list[Candidate]:
         Candidate("linear", "logistic", name, 0.03),
         Candidate("trees", "extra-trees", name, 2),
     ]
+
+
+def _is_surely_worse(way: _Cutting, best: _Cutting) -> bool:
+    """Return whether a way is behind another by more than chance over trials: of few trials, one
+    that a way happens to get right can make it a tenth better. A trial without a window counts as
+    guessed at.
+    """
+    guessed = float(np.log(way.part.classes))
+    trials = sorted(way.by_trial.keys() | best.by_trial.keys())
+    gain = np.array([way.by_trial.get(i, guessed) - best.by_trial.get(i, guessed) for i in trials])
+    return bool(gain.mean() > by_chance(gain, np.arange(len(gain))))
 
 
 def _is_far_behind(way: _Cutting, best: _Cutting, pair: list[Candidate], tries: Tries) -> bool:
@@ -174,10 +189,22 @@ def _stretch_loss(part: Part, tried: Sequence[Tried], own: NDArray[np.bool_]) ->
         tried: With probabilities of those windows.
         own: Which windows of the part these are, shape (rows,).
     """
-    if not tried:
-        return float("inf")
+    return float(_stretch_losses(part, tried, own)[1].mean()) if tried else float("inf")
+
+
+def _stretch_losses(
+    part: Part, tried: Sequence[Tried], own: NDArray[np.bool_]
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return each stretch's trial and its loss, shape (stretches,) each; see `_stretch_loss`."""
     windows, y = part.windows[own], part.y[own]
     mean = np.mean([attempt.probabilities for attempt in tried], axis=0)
     unit = part.prepared.stretch[windows]
     numbers, found = join(fit_joining(unit, mean, y), unit, mean)
-    return float(losses(found, unit_classes(unit, y, numbers)).mean())
+    first = windows[np.unique(unit, return_index=True)[1]]
+    return part.prepared.trial[first], losses(found, unit_classes(unit, y, numbers))
+
+
+def _trial_losses(part: Part, tried: Sequence[Tried]) -> dict[int, float]:
+    """Return the mean loss of each trial's stretches, by the trial's index."""
+    trial, loss = _stretch_losses(part, tried, part.scored)
+    return {int(i): float(loss[trial == i].mean()) for i in np.unique(trial)}

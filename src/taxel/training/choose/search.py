@@ -182,10 +182,10 @@ class _Search:
         """
         done = {tried.candidate for tried in self.of(part)}
         new = [candidate for candidate in candidates if candidate not in done]
-        must = must and len(done) < _FEWEST
+        first = _FEWEST - len(done) if must else 0
         with working_threads(self._budget.at_once) as pool:
             begun = [
-                self._begin(pool, part, candidate, sets, must=must and place < _FEWEST)
+                self._begin(pool, part, candidate, sets, must=place < first)
                 for place, candidate in enumerate(new)
             ]
             found = [result() for result in begun]
