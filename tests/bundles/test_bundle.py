@@ -199,6 +199,18 @@ def test_a_bundle_of_before_there_was_such_a_test_is_read() -> None:
     assert contract_from_json(json.dumps(old)).unknown is None
 
 
+def test_a_bundle_of_a_newer_version_says_to_update() -> None:
+    """Writing it again with this version, which does not know its fields, would not help."""
+    newer = json.loads(contract_to_json(contract())) | {"warmth": 1.0}
+
+    with pytest.raises(BadBundle) as refused:
+        contract_from_json(json.dumps(newer))
+
+    assert "fields unknown to this version: 'warmth'" in refused.value.got
+    assert "lacking" not in refused.value.got
+    assert "update taxel" in str(refused.value)
+
+
 def test_a_damaged_test_for_the_unknown_is_refused() -> None:
     data = json.loads(contract_to_json(replace(contract(), unknown=unknown())))
     del data["unknown"]["densities"][0]["centres"]

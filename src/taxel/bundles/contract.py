@@ -300,5 +300,7 @@ def _unknown(data: object, channels: int) -> Unknown:
 
 def _another(got: str) -> BadBundle:
     return BadBundle(
-        f"a bundle of format {FORMAT}", f"another ({got})", "write it again with taxel bundle"
+        f"a bundle of format {FORMAT}",
+        f"another ({got})",
+        "write it again with taxel bundle, or update taxel if a newer version wrote it",
     )

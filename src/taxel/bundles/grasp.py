@@ -335,7 +335,9 @@ def _contract(entries: Fields) -> GraspContract:
 
 def _another(got: str) -> BadBundle:
     return BadBundle(
-        f"a grasp bundle of format {FORMAT}", f"another ({got})", "write it again with taxel bundle"
+        f"a grasp bundle of format {FORMAT}",
+        f"another ({got})",
+        "write it again with taxel bundle, or update taxel if a newer version wrote it",
     )
 
 

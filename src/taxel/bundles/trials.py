@@ -200,8 +200,9 @@ def contract_from_json(text: str | bytes) -> TrialContract:
     except ValueError as error:  # BadFile is a ValueError
         raise BadBundle(
             f"a bundle of camera trials of format {FORMAT}",
-            f"another ({getattr(error, 'got', error)})", "train it again with taxel train",
-        ) from error  # fmt: skip
+            f"another ({getattr(error, 'got', error)})",
+            "train it again with taxel train, or update taxel if a newer version wrote it",
+        ) from error
 
 
 def _contract(entries: Fields) -> TrialContract:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -82,6 +82,21 @@ def parse_json(text: str | bytes, most_values: int = MOST_VALUES, *, finite: boo
     return parsed
 
 
+def fields_differ(unknown: Sequence[str], lacking: Sequence[str]) -> str:
+    """Return in words which fields an object has that are not known, and which it lacks.
+
+    Args:
+        unknown: Names, as of a newer version's file.
+        lacking: Names, as of an older one's.
+    """
+    parts = (("unknown to this version: ", unknown), ("lacking: ", lacking))
+    return "; ".join(
+        f"fields {head}{', '.join(map(repr, names[:6]))}"
+        + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+        for head, names in parts if names
+    )  # fmt: skip
+
+
 class Fields:
     """The values of a JSON object, by name, each checked as it is taken.
 
@@ -101,10 +116,9 @@ class Fields:
 
     def only(self, known: Collection[str]) -> None:
         """Refuse fields that are not known, and known ones that are missing."""
-        if set(self._value) != set(known):
-            differ = sorted(set(self._value) ^ set(known))
-            more = f" and {len(differ) - 6} more" if len(differ) > 6 else ""
-            raise ValueError(f"the fields {', '.join(map(repr, differ[:6]))}{more} differ")
+        unknown, lacking = set(self._value) - set(known), set(known) - set(self._value)
+        if unknown or lacking:
+            raise ValueError(fields_differ(sorted(unknown), sorted(lacking)))
 
     def __contains__(self, name: str) -> bool:
         return self._value.get(name) is not None

@@ -13,6 +13,8 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import numpy as np
 
+from taxel.foreign.json_text import fields_differ
+
 _Record = TypeVar("_Record")
 _LARGEST_INTEGER = 2**53
 """Above it a number of 64 bits is no longer exact."""
@@ -38,7 +40,7 @@ def record_of(kind: type[_Record], value: object, *, finite: bool = True) -> _Re
         if name not in value and field.default is MISSING and field.default_factory is MISSING
     ]  # fmt: skip
     if unknown or lacking:
-        raise ValueError(f"the fields {', '.join(map(repr, (unknown + lacking)[:6]))} differ")
+        raise ValueError(fields_differ(unknown, lacking))
     types_of = get_type_hints(kind)
     given = {name: _checked(types_of[name], own, name, finite) for name, own in value.items()}
     return kind(**given)
