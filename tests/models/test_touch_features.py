@@ -244,10 +244,13 @@ def test_a_forest_as_tables_votes_as_scikit_learn_does():
     from sklearn.ensemble import ExtraTreesClassifier
 
     from taxel.models.heads import LEAST_SHARE
-    from taxel.training.choose.fitting import DEEPEST, TREES
+    from taxel.training.choose.fitting import DEEPEST, SHARE_SEEN, TREES
 
     features = compute_features(("statistics",), PADS, VALUES, MASK)
-    forest = ExtraTreesClassifier(TREES, min_samples_leaf=2, max_depth=DEEPEST, random_state=0)
+    forest = ExtraTreesClassifier(
+        TREES, criterion="entropy", max_features=round(SHARE_SEEN * features.shape[1]),
+        min_samples_leaf=2, max_depth=DEEPEST, random_state=0,
+    )  # fmt: skip
     wanted = forest.fit(features, Y).predict_proba(features)
 
     head = fit_head(Candidate("trees", "extra-trees", "", 2), features, Y, CLASSES)

@@ -11,11 +11,11 @@ from taxel.evaluation.audit.copies import row_numbers, same_rows
 from taxel.evaluation.audit.copy_findings import joining_group, shared_copies
 from taxel.evaluation.audit.cut_windows import beside_windows, cut_windows
 from taxel.evaluation.audit.finding import Audit, Finding
-from taxel.evaluation.audit.names import several
 from taxel.evaluation.audit.nuisances import read_first, stands_still_first
 from taxel.evaluation.audit.origins import read_origins
 from taxel.evaluation.audit.sides import named_sides
 from taxel.evaluation.audit.touch_set import TouchSet, usual_steps
+from taxel.plain_text import several
 
 Make = dict[str, Callable[..., TouchSet]]
 KINDS = ("duplicates", "near-duplicates", "augmented copies")
