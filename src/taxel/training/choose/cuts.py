@@ -97,8 +97,9 @@ def best_cut(parts: Sequence[Part], tries: Tries) -> Cuts:
         tried = tries.of(way.part)
         if compared and len(tried) < len(pair):
             continue
-        way.loss = way.with_guesses(_stretch_loss(way.part, tried, way.part.scored))
-        way.by_trial = _trial_losses(way.part, tried)
+        trial, loss = _stretch_losses(way.part, tried, way.part.scored)
+        way.loss = way.with_guesses(float(loss.mean()))
+        way.by_trial = {int(i): float(loss[trial == i].mean()) for i in np.unique(trial)}
         compared.append(way)
     least = min(compared, key=lambda way: way.loss)
     enough = BETTER_CUT * least.loss + CUT_SLACK
@@ -202,9 +203,3 @@ def _stretch_losses(
     numbers, found = join(fit_joining(unit, mean, y), unit, mean)
     first = windows[np.unique(unit, return_index=True)[1]]
     return part.prepared.trial[first], losses(found, unit_classes(unit, y, numbers))
-
-
-def _trial_losses(part: Part, tried: Sequence[Tried]) -> dict[int, float]:
-    """Return the mean loss of each trial's stretches, by the trial's index."""
-    trial, loss = _stretch_losses(part, tried, part.scored)
-    return {int(i): float(loss[trial == i].mean()) for i in np.unique(trial)}
