@@ -27,6 +27,7 @@ TAKEN = {
 """File of the repository → page of the site."""
 FOLDERS = {
     "docs/decisions": "decisions/index.md",
+    "docs/decisions/evidence": "decisions/evidence/index.md",
     "docs/explanation": "explanation/index.md",
     "docs/how-to": "how-to/index.md",
     "docs/reference": "reference/index.md",

@@ -22,6 +22,9 @@ def test_a_link_leads_to_where_the_site_has_the_file():
         turned == "[a](examples/01_view_touch.md) ![p](pictures/x.png) [c](https://e.org) [h](#top)"
     )
     assert turn_links("[d](docs/decisions/)", "README.md", "index.md") == "[d](decisions/index.md)"
+    assert turn_links("[e](evidence/)", "docs/decisions/0001.md", "decisions/0001.md") == (
+        "[e](evidence/index.md)"
+    )
     assert turn_links("[c](../../src/taxel/clock.py)", "docs/how-to/a.md", "how-to/a.md") == (
         "[c](../reference/api/taxel/clock.md)"
     )
@@ -37,6 +40,17 @@ def test_code_is_left_alone_and_a_file_without_a_page_keeps_its_link():
 def test_every_written_page_has_a_heading():
     for path in (ROOT / "docs").rglob("*.md"):
         assert title_and_lead(path.read_text("utf-8"))[0], path
+
+
+def test_each_page_of_evidence_and_its_decision_link_to_each_other():
+    decisions = ROOT / "docs/decisions"
+    listed = (decisions / "evidence/index.md").read_text("utf-8")
+    for path in sorted((decisions / "evidence").glob("[0-9]*.md")):
+        (decision,) = decisions.glob(f"{path.name[:4]}-*.md")
+
+        assert f"](evidence/{path.name})" in decision.read_text("utf-8")
+        assert f"](../{decision.name}" in path.read_text("utf-8")
+        assert f"]({path.name})" in listed
 
 
 @pytest.mark.slow
