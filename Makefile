@@ -83,8 +83,8 @@ bench: $(INSTALLED)
 # objects than the tables' cups (docs/decisions/0057). Broken off, it goes on where it was; four
 # hours of one core and longer where others use it. SLIP: the folder of gelsight-slip.
 # CARD=yes: on a graphics card, students of 224 pixels that see other copies of images in each epoch,
-# and two Transformers with backbones trained end to end. Its parts took under 20 minutes of an H100,
-# two at a time; it was not run as a whole.
+# and three Transformers with backbones trained end to end. With two of these its parts took under 20
+# minutes of an H100, two at a time; it was not run as a whole.
 SLIP ?= ../shared/data/gelsight-slip
 CARD ?= no
 ifeq ($(CARD),yes)
