@@ -180,7 +180,11 @@ def _by_job(tree: list[Any]) -> list[Any]:
     return [page for page in tree if page not in placed] + [{job: jobs[job]} for job in jobs]
 
 
-_NAMES = {"reference/cli": "The command taxel", "reference/api": "Python names"}
+_NAMES = {
+    "reference/cli": "The command taxel",
+    "reference/api": "Python names",
+    "decisions/evidence": "Evidence",
+}
 """Folder of the site → what the navigation calls it, where that is not its own name."""
 
 
