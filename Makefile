@@ -57,7 +57,7 @@ sbom: $(INSTALLED)
 # The site in build/site, from docs/, the verbs and the docstrings; a warning is an error.
 docs: $(INSTALLED)
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints-cpu.txt -c constraints-docs.txt -e '.[docs]'
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	$(BIN)/python -m website.check_site build/site
 
 # What would be published: a source archive and a wheel, in dist/.

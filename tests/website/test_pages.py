@@ -37,6 +37,15 @@ def test_code_is_left_alone_and_a_file_without_a_page_keeps_its_link():
     assert page_of("Makefile") is None
 
 
+def test_the_strict_build_is_not_silenced():
+    """MkDocs counts the warnings that it prints: with --quiet a broken link passed."""
+    build = re.search(r"mkdocs build .*", (ROOT / "Makefile").read_text("utf-8"))
+
+    assert build is not None
+    assert "--strict" in build[0]
+    assert "--quiet" not in build[0]
+
+
 def test_every_written_page_has_a_heading():
     for path in (ROOT / "docs").rglob("*.md"):
         assert title_and_lead(path.read_text("utf-8"))[0], path
