@@ -17,7 +17,7 @@ from taxel.evaluation.camera_trials.final import fit_final
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
 from taxel.live.trial_watch import predict_trials
-from taxel.training.camera_trials.blend import MEMBERS, fit_blend
+from taxel.training.camera_trials.blend import MEMBERS, extra, fit_blend
 from taxel.training.camera_trials.novelty import Novelty, novelty_columns
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_crops import USUAL
@@ -97,6 +97,18 @@ def test_members_are_of_three_kinds_and_the_picture_is_none_of_the_others() -> N
     assert kinds.count("movement") == 3
     assert kinds.count("picture") == 2
     assert set(kinds) == {"movement", "look", "picture"}
+
+
+def test_extra_trees_find_two_columns_that_matter_among_a_thousand() -> None:
+    """They look at enough columns for each split: at the root of all they would miss the two."""
+    rng = np.random.default_rng(0)
+    y = rng.integers(0, 2, 240)
+    rows = rng.normal(size=(240, 1000))
+    rows[:, :2] += 2.0 * y[:, None]
+    fitted = extra(0, 100, 1000).fit(rows[:120], y[:120])
+    assert fitted.score(rows[120:], y[120:]) > 0.85
+    assert extra(0, 1, 2304).max_features == 400
+    assert extra(0, 1, 1).max_features == 1
 
 
 def test_what_a_picture_shows_makes_nothing_novel() -> None:

@@ -9,6 +9,7 @@ Source: docs/decisions/0041.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -33,6 +34,10 @@ from taxel.windows.trial_mirrors import Mirror, mirrors
 TREES: Final = 400
 INNER_TREES: Final = 150
 """Of a forest that is kept, and of one on an inner fold. Source: our choice, decision 41."""
+SHARE_SEEN: Final = 0.3
+MOST_SEEN: Final = 400
+"""Share of the columns, and most of them, among which extremely randomised trees look for a split:
+a few of a thousand are mostly those that say nothing. Source: our choice, decision 41."""
 MOST_NUMBERS: Final = 26_000_000
 """Of all forests that are kept, four a node and one a class: beyond it they have fewer trees, so
 that a bundle stays within some 20 MB. Source: 16 bytes a node of 22 classes, packed; decision 41.
@@ -50,8 +55,8 @@ class TrialMember:
     name: str
     views: Mapping[str, tuple[str, ...]]
     """View → its columns; all of them where none is named."""
-    make: Callable[[int, int], Any]
-    """Seed and number of trees → a scikit-learn classifier."""
+    make: Callable[[int, int, int], Any]
+    """Seed, number of trees and number of columns → a scikit-learn classifier."""
     prior: float = 1.0
     """How much of its kind's weight it has before any trial is seen; 0 leaves that to the inner
     folds."""
@@ -82,9 +87,12 @@ def forest(seed: int, trees: int | None = None) -> RandomForestClassifier:
     return RandomForestClassifier(trees or TREES, min_samples_leaf=2, random_state=seed, n_jobs=1)
 
 
-def extra(seed: int, trees: int | None = None) -> ExtraTreesClassifier:
-    """Return extremely randomised trees, `TREES` of them unless given."""
-    return ExtraTreesClassifier(trees or TREES, min_samples_leaf=2, random_state=seed, n_jobs=1)
+def extra(seed: int, trees: int, width: int) -> ExtraTreesClassifier:
+    """Return extremely randomised trees that look at enough of `width` columns for each split."""
+    seen = max(math.isqrt(width), round(min(SHARE_SEEN * width, MOST_SEEN)))
+    return ExtraTreesClassifier(
+        trees, max_features=max(1, seen), min_samples_leaf=2, random_state=seed, n_jobs=1
+    )
 
 
 DIFFERENCES: Final = ("step", "since", "lagged")
@@ -96,17 +104,17 @@ SLIP_PARTS: Final = (
 EVERYTHING: Final[Mapping[str, tuple[str, ...]]] = {"pixels": (), "slip": (), "stills": ()}
 MEMBERS: Final[tuple[TrialMember, ...]] = (
     TrialMember(
-        name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.5,
-        further=True,
+        name="forest on differences", views={"pixels": DIFFERENCES},
+        make=lambda seed, trees, width: forest(seed, trees), prior=1.5, further=True,
     ),
     TrialMember(
         name="logistic on differences", views={"pixels": DIFFERENCES},
-        make=lambda seed, trees: Logistic(0.1), further=True,
+        make=lambda seed, trees, width: Logistic(0.1), further=True,
     ),
     TrialMember(
         name="discriminant on differences and slip",
         views={"pixels": DIFFERENCES, "slip": SLIP_PARTS},
-        make=lambda seed, trees: Steady(0.5), further=True,
+        make=lambda seed, trees, width: Steady(0.5), further=True,
     ),
     TrialMember(
         name="extra-trees on everything", views=EVERYTHING, make=extra, mirrored=True
@@ -114,16 +122,16 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
     TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra),
     TrialMember(
         name="discriminant on everything", views=EVERYTHING,
-        make=lambda seed, trees: Steady(0.5), mirrored=True,
+        make=lambda seed, trees, width: Steady(0.5), mirrored=True,
     ),
     TrialMember(name="extra-trees on the picture", views={"picture": ()}, make=extra),
     TrialMember(
         name="discriminant on the picture", views={"picture": ()},
-        make=lambda seed, trees: Steady(0.5),
+        make=lambda seed, trees, width: Steady(0.5),
     ),
     TrialMember(
         name="logistic on the touch encoder", views={"touch": ()},
-        make=lambda seed, trees: Logistic(0.001), prior=0.0,
+        make=lambda seed, trees, width: Logistic(0.001), prior=0.0,
     ),
 )  # fmt: skip
 """What is blended. The forest, as the bar is, counts more: on objects apart it is often best.
@@ -233,7 +241,8 @@ def _fit(
     for image in images if member.mirrored else ():
         seen += [image.apply(own.rows, columns) for own in crops]
         trial += [own.trial for own in crops]
-    return member.make(seed, trees).fit(np.concatenate(seen), learning.y[np.concatenate(trial)])
+    model = member.make(seed, trees, len(columns))
+    return model.fit(np.concatenate(seen), learning.y[np.concatenate(trial)])
 
 
 def _thin_out(fitted: Sequence[Any], classes: int) -> None:
