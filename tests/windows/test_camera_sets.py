@@ -14,7 +14,7 @@ from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import read_manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
-from taxel.windows import camera_trials
+from taxel.windows import camera_recordings, camera_trials
 from taxel.windows.camera_recordings import (
     check_order,
     image_size,
@@ -75,6 +75,12 @@ def test_without_an_array_nothing_stands_beside_and_without_a_mark_the_whole_is_
 
     assert pour.beside.shape == (12, 0)
     assert (pour.groups["cup"], pour.labels["kind"]) == ("3", "p")
+
+
+def test_an_array_without_a_scan_stands_beside_as_zeros():
+    values = np.zeros((0, 2), np.float32)
+    beside = camera_recordings._latest(values, np.zeros(0), np.arange(3.0))
+    assert beside.tolist() == [[0.0, 0.0]] * 3
 
 
 def test_too_short_a_recording_and_unlike_ones_are_refused(tmp_path: Path):
@@ -214,6 +220,10 @@ def test_a_folder_is_tried_as_each_public_data_set_in_turn(
     assert camera_trials._known(tmp_path) == [tmp_path]
     monkeypatch.setattr(camera_trials, "KNOWN_VIDEOS", {"first": other})
     assert camera_trials._known(tmp_path) == []
+
+    monkeypatch.setattr(camera_trials, "KNOWN_VIDEOS", readers)
+    (tmp_path / "a.mcap").touch()
+    assert camera_trials._known(tmp_path) == []  # recordings come first
 
 
 def test_a_recording_with_two_labelled_stretches_is_no_camera_trial(tmp_path: Path):

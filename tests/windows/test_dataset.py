@@ -86,6 +86,10 @@ def test_a_window_with_an_unusable_value_is_left_out_and_said(tmp_path: Path):
     assert 50.0 not in dataset.windows.values[:, 0, 0]
     assert 0.0 in dataset.windows.values[:, 0, 0]
     assert dataset.notes == ("1 windows hold values that are missing or NaN: left out",)
+    assert dataset.missing == 1
+    (tmp_path / "whole").mkdir()
+    record(tmp_path / "whole", "a", [])
+    assert load_dataset(tmp_path / "whole", CONFIG).missing == 0
 
 
 def test_windows_left_out_are_counted_by_cause_and_so_are_trials(tmp_path: Path):
@@ -117,6 +121,12 @@ def test_rates_that_differ_are_refused_where_own_scans_are_rows(tmp_path: Path):
     assert len(load_dataset(tmp_path, CONFIG).trials) == 3
     with pytest.raises(BadDataset, match=r"got 130 in c\.mcap"):
         load_dataset(tmp_path, replace(CONFIG, grid_hz=None))
+
+
+def test_a_rate_that_is_not_known_differs_from_none(tmp_path: Path):
+    for name, rate_hz in (("a", 0.0), ("b", 100.0)):
+        record(tmp_path, name, [], sensor=replace(INFO, rate_hz=rate_hz))
+    assert len(load_dataset(tmp_path, replace(CONFIG, grid_hz=None)).trials) == 2
 
 
 def test_a_class_with_hardly_any_trials_is_said(tmp_path: Path):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from taxel.signals import Samples, SensorInfo, Validity
 from taxel.windows.config import WindowConfig
-from taxel.windows.following import LIMITS, rest_and_noise
+from taxel.windows.following import LIMITS, RecentRest, rest_and_noise
 from taxel.windows.windower import Windower, Windows, cut_windows
 
 RATE_HZ = 100.0
@@ -76,6 +76,19 @@ def test_the_gate_stays_within_its_limits_and_says_so():
     assert "it goes no further" in moves[-1].words()
 
 
+def test_a_channel_that_rests_far_below_zero_lowers_its_gate_to_the_limit_and_says_so():
+    _, moves = in_calls(FOLLOWS, samples(resting(30.0, -3.0)), 100)
+    assert (moves[-1].channel, moves[-1].after) == ("two", LIMITS[0] * 1.0)
+    assert moves[-1].limited
+
+
+def test_at_one_row_a_second_rest_is_measured_at_each_row():
+    recent = RecentRest(20.0, 1.0)
+    row = np.zeros((1, 2))
+    found = [recent.add(row) for _ in range(12)]
+    assert [rest is not None for rest in found] == [False] * 9 + [True] * 3
+
+
 def test_windows_and_moves_do_not_depend_on_how_the_stream_is_cut():
     values = resting(45.0, 0.3)
     values[1000:1040, 0] += 2.0
@@ -105,8 +118,9 @@ def test_steps_measure_noise_beside_slow_touch():
 
 
 def test_no_gate_cannot_be_followed():
-    with pytest.raises(ValueError, match="gate above 0 to follow"):
-        WindowConfig(gate_follow_s=20.0)
+    for given in ({}, {"gate": 0.0}, {"gate": 1.0, "gate_follow_s": 0.0}):
+        with pytest.raises(ValueError, match="gate above 0 to follow, over more than 0 s"):
+            WindowConfig(**{"gate_follow_s": 20.0, **given})
 
 
 def test_what_all_channels_pick_up_alike_is_gone_with_the_untouched_one():

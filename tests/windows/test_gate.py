@@ -64,7 +64,9 @@ def test_a_channel_that_cannot_be_used_is_left_out_of_the_threshold():
     values = rng.normal(0.0, 0.01, (200, 2)).astype(np.float32)
     values[:, 1] = np.nan
     usable = np.isfinite(values)
-    assert noise_gate(values, usable) == noise_gate(values[:, :1], usable[:, :1])
+    alone = noise_gate(values[:, :1], usable[:, :1])
+    assert noise_gate(values, usable) == alone
+    assert noise_gate(values[:, ::-1], usable[:, ::-1]) == alone
 
 
 def test_too_few_values_for_a_threshold_are_refused():

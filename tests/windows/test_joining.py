@@ -56,12 +56,14 @@ def test_windows_trials_and_fingerprints_of_both_stand_one_after_another(tmp_pat
 
 def test_with_reference_touches_the_second_folder_comes_to_the_first_s_level(tmp_path: Path):
     first = load_dataset(folder_of(tmp_path, "one", 1.0), LEVELLED)
-    joined = join_datasets(first, folder_of(tmp_path, "two", 3.0), "kind")
+    joined = join_datasets(first, folder_of(tmp_path, "two", 4.0), "kind")
     half = len(first.windows)
 
     np.testing.assert_allclose(
         joined.windows.values[half:], joined.windows.values[:half], rtol=1e-5
     )
+    assert joined.to_level is not None
+    np.testing.assert_allclose(joined.to_level, [[1.0, 1.0]] * 2 + [[0.25, 0.25]] * 2, rtol=1e-5)
 
 
 def test_a_folder_of_the_same_values_another_sensor_or_without_the_label_is_refused(

@@ -235,6 +235,23 @@ def test_poses_are_measured_in_millimetres_and_seconds(monkeypatch: pytest.Monke
         assert (time_s, seen) == (number / 50.0, True)
 
 
+def test_movements_are_in_millimetres_and_radians(monkeypatch: pytest.MonkeyPatch):
+    pose = SimpleNamespace(
+        object=np.array([10.0, 20.0, 3.0]), gel=np.array([40.0, 50.0, 6.0]), seen=True
+    )
+    monkeypatch.setattr(
+        trial_crops, "TouchFollower", lambda first: SimpleNamespace(follow=lambda _: pose)
+    )
+    shown = FAMILIES["moves"].look(Scene([plain(0)] * 2, 50.0, 0.1))
+    np.testing.assert_allclose(shown, [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 1.0]] * 2)
+
+
+@pytest.mark.parametrize("name", sorted(FAMILIES))
+def test_a_family_is_kept_under_its_version_and_number_of_columns(name: str):
+    family = FAMILIES[name]
+    assert family.key.startswith(f"{family.version}-{family.columns}-")
+
+
 def test_a_family_is_looked_at_camera_by_camera():
     scenes = [Scene([plain(level)] * 9, 25.0, 0.065) for level in (50, 100)]
     shown = look_at(["stills"], scenes)["stills"]

@@ -55,7 +55,7 @@ class CameraTrial:
     """Millimetres that a pixel covers; None where nobody said."""
     digest: str
     """SHA-256 over all images, hexadecimal."""
-    recorded: bool = True
+    recorded: bool
     """True where the images are a recording's own, which `digest` is over; False for files."""
     read: Callable[[int], Iterator[Image]]
     """Camera's number → its images in order, shape (height, width, 3), red first."""
