@@ -343,3 +343,11 @@ def test_labels_and_groups_are_stored_with_composed_letters(folder):
     (folder / "table.csv").write_text(text, "utf-8")
     made = import_table(folder / "table.csv", folder / "out")
     assert read_recording(made[0]).manifest.labels == {"object": "caf\u00e9"}
+
+
+@pytest.mark.parametrize("column", ["rate", "rate:100Hz"])
+def test_a_rate_in_a_column_of_its_own_is_sent_to_the_column_time(tmp_path, column):
+    table = tmp_path / "import.csv"
+    table.write_text(f"file,channels,{column}\na.csv,a[V],100\n")
+    with pytest.raises(BadTable, match="in the column time, as rate:100Hz"):
+        import_table(table, tmp_path / "out")
