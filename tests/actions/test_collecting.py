@@ -140,6 +140,11 @@ def test_a_grasp_that_makes_no_sense_is_refused(wrong: dict[str, int]):
         CycleConfig(**wrong)  # type: ignore[arg-type]
 
 
+def test_a_time_out_of_its_limits_is_named_with_its_value():
+    with pytest.raises(BadInput, match=r"hold_s of a grasp above 0 and up to 60 s; got -1;"):
+        CycleConfig(hold_s=-1.0)
+
+
 class Heard:
     """A hand that writes down the contact current of each grip."""
 

@@ -48,3 +48,24 @@ def test_a_file_that_could_not_be_written_is_refused_before_the_hand_moves(
 
     assert ended.value.code == 2
     assert expected in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("_nothing_moves")
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("--closed 2000", "--closed of 0 to 1000; got 2000;"),
+        ("--closed -1", "--closed of 0 to 1000; got -1;"),
+        ("--contact-ma 0", "--contact-ma of 1 to 32767; got 0;"),
+        ("--contact-ma 40000", "--contact-ma of 1 to 32767; got 40000;"),
+        ("--fingers 3 9", "--fingers among 1 to 4; got 3 9;"),
+    ],
+)
+def test_a_number_out_of_its_limits_is_refused_by_its_option_before_the_hand_is_connected(
+    words: str, expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["hand", "move", "sim://hand?speed=max", "--arm", *words.split()])
+
+    assert ended.value.code == 2
+    assert expected in " ".join(capsys.readouterr().err.split())

@@ -59,9 +59,12 @@ class CycleConfig:
     """Each order runs out after this long unless it is repeated, seconds."""
 
     def __post_init__(self) -> None:
-        times = (self.stroke_s, self.hold_s, self.lift_s, self.pause_s, self.lasts_s)
-        if not all(0 < t <= 60 for t in times):
-            raise BadInput("times of a grasp above 0 and up to 60 s", f"{times}", "mend them")
+        for name in ("stroke_s", "hold_s", "lift_s", "pause_s", "lasts_s"):
+            time_s = getattr(self, name)
+            if not 0 < time_s <= 60:
+                raise BadInput(
+                    f"{name} of a grasp above 0 and up to 60 s", f"{time_s:g}", "choose another"
+                )
         if not (1 <= self.fingers <= 0b1111 and 0 < self.closed_permille <= 1000):
             raise BadInput(
                 "fingers 1 to 15 and a way of 1 to 1000 per mille",

@@ -87,7 +87,12 @@ class Hand:
                 "look at the hand, then add --arm",
             )
         if not self.fingers or not all(1 <= finger <= 4 for finger in self.fingers):
-            raise BadInput("--fingers among 1 to 4", f"{self.fingers}", "name fingers")
+            named = " ".join(map(str, self.fingers)) or "none"
+            raise BadInput("--fingers among 1 to 4", named, "name fingers")
+        if not 0 <= self.closed <= 1000:
+            raise BadInput("--closed of 0 to 1000", f"{self.closed}", "choose another")
+        if not 1 <= self.contact_ma <= 0x7FFF:
+            raise BadInput(f"--contact-ma of 1 to {0x7FFF}", f"{self.contact_ma}", "choose another")
         if not 0 < self.seconds <= 60:
             raise BadInput("--seconds above 0 and up to 60", f"{self.seconds:g}", "choose another")
         if self.plot is not None:
