@@ -74,6 +74,7 @@ HEAD = "class,least_confidence,action\n"
         (HEAD + "glass,1.5,bin\n", "a least_confidence within 0 and 1"),
         (HEAD + "glass,nan,bin\n", "a least_confidence within 0 and 1"),
         (HEAD + "glass,much,bin\n", "a least_confidence within 0 and 1"),
+        (HEAD + "UNKNOWN,0.5,wait\n", "least_confidence 0 for UNKNOWN, which has no confidence"),
         (HEAD + "glass,0.5,\n", "an action of 1 to 64"),
         (HEAD + f"glass,0.5,{'x' * 65}\n", "an action of 1 to 64"),
         (HEAD + "glass,0.5,a\nglass,0.50,b\n", "one action for a class and confidence"),

@@ -140,4 +140,9 @@ def _rule(cells: Mapping[str, str], known: Mapping[str, Sequence[str]], where: s
             "a least_confidence within 0 and 1",
             f"{cells['least_confidence']!r} in {where}", "mend the line",
         )  # fmt: skip
+    if label == UNKNOWN and least > 0:
+        raise BadTable(
+            f"least_confidence 0 for {UNKNOWN}, which has no confidence",
+            f"{least:g} in {where}", "write 0",
+        )  # fmt: skip
     return Rule(label=label, least=least, action=action, target=target)

@@ -10,8 +10,9 @@ from taxel.cli.recordings.audit import Audit
 from taxel.errors import BadSplit
 from taxel.evaluation.audit.audit import make_case
 from taxel.evaluation.audit.finding import Finding
+from taxel.evaluation.audit.nuisances import read_place
 from taxel.evaluation.audit.shared import shared_names
-from taxel.evaluation.audit.sides import are_given, given_sides
+from taxel.evaluation.audit.sides import are_given, given_sides, table_sides
 from taxel.evaluation.audit.touch_set import TouchSet
 
 Make = dict[str, Callable[..., TouchSet]]
@@ -61,3 +62,17 @@ def test_the_column_is_taken_unless_a_split_is_named(make_set: Make) -> None:
     assert named[1].name == "cup held out"
     with pytest.raises(BadSplit, match="in the column split"):
         Audit(data=Path("trials.csv"), split="split")._sides(array, 0)
+
+
+@pytest.mark.parametrize("lines", ["s0,train\ns0,test", "s0,train\ns0,test\ns1,train"])
+def test_a_table_may_name_a_few_sessions_and_have_trials_on_both_sides(
+    make_set: Make, tmp_path: Path, lines: str
+) -> None:
+    """Folds of the other sessions, which have no row of the table, are left out."""
+    touch, table = make_set["array"](), tmp_path / "folds.csv"
+    table.write_text(f"group:session,side\n{lines}\n")
+
+    case = make_case(touch, table_sides(touch, table, 8), 8, 0)
+
+    assert read_place(case).finding(1.0).verdict in ("clear", "too few")
+    assert {f.kind: f.verdict for f in shared_names(case)}["same session"] == "leak"

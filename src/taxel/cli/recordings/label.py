@@ -246,7 +246,7 @@ def _print(sheet: list[PourLabels], rule: str) -> None:
     table.add_column("recording")
     for column in ("frames", "onset s", "unstable"):
         table.add_column(column, justify="right")
-    table.add_column("a person says")
+    table.add_column("correction")
     for labels in sheet:
         share = labels.unstable_share(rule)
         table.add_row(
@@ -282,7 +282,7 @@ def _correction_text(pour_labels: PourLabels, rule: str) -> str:
 
 def _agreement_table(rows: list[Agreement]) -> Table:
     table = Table(
-        title="how far the rules agree (each as it says itself)", title_justify="left",
+        title="agreement of the rules (their labels without corrections)", title_justify="left",
         caption="lead: median time by which the first's onset comes before the second's; "
         "runs: with an onset by both / the first only / the second only",
         caption_justify="left",

@@ -83,8 +83,12 @@ class Reading:
 
 
 def rows_folds(folds: list[Fold], trial: NDArray[np.intp]) -> list[Fold]:
-    """Return folds of trials as folds of rows that belong to trials."""
-    return [
+    """Return folds of trials as folds of rows that belong to trials.
+
+    Folds that have no row to train on, or none to test, are left out.
+    """
+    found = [
         (np.flatnonzero(np.isin(trial, train)), np.flatnonzero(np.isin(trial, test)))
         for train, test in folds
     ]
+    return [(train, test) for train, test in found if len(train) and len(test)]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from taxel.evaluation.audit.case import Case, Reading, rows_folds
 from taxel.evaluation.audit.evidence import LabelEvidence, evidence_of, predict
 from taxel.evaluation.audit.finding import UNSURE, Verdict
-from taxel.evaluation.audit.touch_set import TouchSet
+from taxel.evaluation.audit.touch_set import TouchSet, cut_pieces
 from taxel.plain_text import visible
 
 AT_REST = 0.8
@@ -78,10 +78,13 @@ def _same_places(place: NDArray[np.floating], trial: NDArray[np.intp]) -> bool:
 def read_place(case: Case) -> Reading:
     """Return how well a window's place within its trial predicts the label."""
     touch, pieces = case.touch, case.pieces
+    folds = rows_folds(case.folds, pieces.trial)
+    if not folds:  # a table that names too few trials: the windows of all of them
+        pieces = cut_pieces(touch, case.steps, case.steps)
+        folds = rows_folds(case.folds, pieces.trial)
     start = np.array([t[0] for t in touch.time_s])[pieces.trial]
     place = np.stack([pieces.first, pieces.start_s(touch) - start], axis=1)
     y = touch.y[pieces.trial]
-    folds = rows_folds(case.folds, pieces.trial)
     found = evidence_of(predict(place, y, folds, case.seed), y, pieces.trial, case.groups, folds)
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
