@@ -2,6 +2,7 @@
 
 A fuzzer says `@settings(settings.get_profile("fuzz"))`, which is the profile `short` or `full`:
 pytest --fuzz full, or TAXEL_FUZZ=full, as CI says it; `search` tries other examples each time.
+Any other test with examples draws the same 100 each time, however busy the machine is.
 """
 
 import fcntl
@@ -43,6 +44,8 @@ def pytest_configure(config: pytest.Config) -> None:
             derandomize=name != "search",
         )  # fmt: skip
     settings.register_profile("fuzz", parent=settings.get_profile(config.getoption("--fuzz")))
+    settings.register_profile("usual", deadline=_LONGEST_EXAMPLE_MS, derandomize=True)
+    settings.load_profile("usual")
 
 
 def _read_verbs_once() -> None:
