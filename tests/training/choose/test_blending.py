@@ -48,19 +48,6 @@ def test_few_groups_leave_more_to_chance_than_many():
     assert by_chance(gain, np.zeros(600, np.intp)) == np.inf
 
 
-@pytest.mark.parametrize(("groups", "members"), [(9, (0, 1, 2)), (10, (0,))])
-def test_what_is_better_replaces_the_mean_only_where_ten_groups_show_it(groups, members):
-    """The best has 0.22 nats in each window, the mean of all 0.30."""
-    y = np.arange(360) % 2
-    each = [np.where(np.eye(2)[y] > 0, right, 1.0 - right) for right in (0.8, 0.715, 0.715)]
-
-    found = mix(each, ["a", "b", "c"], ["a", "b", "c"], [(0,)] * 3, y, np.arange(360) % groups)
-
-    assert found.members == members
-    few = "With fewer than 10 groups held out it is not replaced" in found.why
-    assert few == (groups < 10)
-
-
 def test_kinds_that_fail_together_share_one_weight():
     rng = np.random.default_rng(0)
     y = np.arange(300) % 2

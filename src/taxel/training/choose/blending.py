@@ -32,9 +32,6 @@ by Student's t over the groups held out. Source: our choice, 0039: weights fitte
 favour what fits groups like those."""
 LEAST_NATS = 0.03
 """And so much more. Source: as above."""
-FEWEST_GROUPS = 10
-"""Groups held out from which on anything may replace the mean: what four sessions have in common
-says little of a fifth. Source: our choice, 0039."""
 STEADY, LIKE_IT = "discriminant", "sums"
 """A camp that goes on better than others beyond what was learned, and one that is as linear but
 keeps less to what is known of a class: members of the latter stay only where they are better by
@@ -48,16 +45,10 @@ STEADY_BEHIND, STEADY_SLACK = 2.0, 0.1
 """The same for the steady camp. Source: as above."""
 
 
-_BLEND = (
-    "a blend, the mean of the best model of each kind; kinds that are much worse are left out, and "
-    "logistic regression and perceptrons unless clearly better than discriminants."
-)
 _MEAN = (
-    f"{_BLEND} No single model is better by more than chance, and the mean is safer for new groups"
-)
-_FEW = (
-    f"{_BLEND} With fewer than {FEWEST_GROUPS} groups held out it is not replaced by what is "
-    "better on them: the mean is safer for new groups"
+    "a blend, the mean of the best model of each kind; kinds that are much worse are left out, and "
+    "logistic regression and perceptrons unless clearly better than discriminants. No single "
+    "model is better by more than chance, and the mean is safer for new groups"
 )
 _ALONE = "one model alone, because all other kinds are far behind"
 _STEADY_ALONE = (
@@ -178,10 +169,7 @@ def mix(
     best = int(each.argmin())
     near = _champions(by_window, kinds, camps, freedom, groups)
     champions = _without_likes(near, camps, each)
-    few = len(np.unique(groups)) < FEWEST_GROUPS
-    equal = Mix(champions, _shared(champions, camps), _why_mean(champions, near, kinds, few))
-    if few:
-        return equal
+    equal = Mix(champions, _shared(champions, camps), _why_mean(champions, near, kinds))
     others = [
         Mix((best,), (1.0,), "this model alone, clearly ahead of all blends"),
         _greedy(probabilities, y, best),
@@ -195,19 +183,16 @@ def mix(
     return chosen
 
 
-def _why_mean(
-    champions: tuple[int, ...], near: tuple[int, ...], kinds: list[str], few: bool
-) -> str:
+def _why_mean(champions: tuple[int, ...], near: tuple[int, ...], kinds: list[str]) -> str:
     """Return why these candidates are joined.
 
     Args:
         champions: Of each kind in the mean the candidate.
         near: The same before some were left out for a steadier camp.
         kinds: Each candidate's kind.
-        few: Whether too few groups were held out to prefer anything else.
     """
     if len(champions) > 1:
-        return _FEW if few else _MEAN
+        return _MEAN
     if len(near) > 1:
         return _STEADY_ALONE
     return _ALONE if len(set(kinds)) > 1 else _ONLY
