@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import groupby
 from pathlib import Path
 
 import modbus_rig as rig
@@ -51,7 +52,9 @@ def test_it_grips_raises_and_the_registers_say_so() -> None:
         hand.grip(70.9)
         until(lambda: hand.latency.commands == 2)
 
-        assert pge.writes == [(0x0101, 30), (0x0103, 0), (0x0101, 70), (0x0103, 0)]
+        # A busy machine answers late, and a request without an answer is repeated.
+        written = [write for write, _ in groupby(pge.writes)]
+        assert written == [(0x0101, 30), (0x0103, 0), (0x0101, 70), (0x0103, 0)]
         until(lambda: hand.status().force_pct == 70.0)
         assert hand.status().position_permille == 385.0
         until(lambda: pge.fingers.force_n > 30)
