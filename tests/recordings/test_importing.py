@@ -351,3 +351,10 @@ def test_a_rate_in_a_column_of_its_own_is_sent_to_the_column_time(tmp_path, colu
     table.write_text(f"file,channels,{column}\na.csv,a[V],100\n")
     with pytest.raises(BadTable, match="in the column time, as rate:100Hz"):
         import_table(table, tmp_path / "out")
+
+
+def test_a_person_who_rates_is_a_group_and_no_rate(tmp_path):
+    table = tmp_path / "import.csv"
+    table.write_text("file,channels,rater\na.csv,a[V],Ann\n")
+    with pytest.raises(BadTable, match="call it label:rater or group:rater"):
+        import_table(table, tmp_path / "out")

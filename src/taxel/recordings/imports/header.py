@@ -83,7 +83,7 @@ def check_header(path: Path, header: Sequence[str]) -> None:
             f"the columns {', '.join(PLAIN_COLUMNS)}, label:NAME and group:NAME",
             f"{_quoted(odd[0])} in {path}, line 1",
             "write scans a second in the column time, as rate:100Hz"
-            if name.startswith("rate")
+            if name.split(":")[0] == "rate"
             else f"call it label:{name} or group:{name} if it is one of them, or remove it",
         )
     if "file" not in header or len(set(header)) < len(header):
