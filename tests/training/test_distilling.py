@@ -19,6 +19,7 @@ from taxel.training.backbones.distilling import (
     begin,
     distil,
     fit_top,
+    resized,
     settle_norms,
 )
 from taxel.training.backbones.fine_tuning import KeptEpochs
@@ -255,3 +256,31 @@ def test_a_gradient_that_is_no_number_changes_no_weight(tmp_path: Path) -> None:
         distil(student, examples, CONFIG, kept=kept)
     assert all(torch.isfinite(value).all() for value in student.state_dict().values())
     assert not kept.path.exists()
+
+
+def test_each_size_of_images_is_used_for_an_equal_share_of_the_epochs() -> None:
+    """In the order given, and the last one last; the passes before the first count for none."""
+    sides: list[int] = []
+    network = Small(1)
+    network.first.register_forward_pre_hook(
+        lambda module, inputs: sides.append(inputs[0].shape[-1]) if network.training else None
+    )
+    config = DistilConfig(epochs=4, sides_px=(8, 16), batch=45, learning_rate=3e-3)
+    settled = len(range(0, 81, 45))  # batches that the norms take their statistics from
+
+    distil(network, _examples(), config)
+
+    assert sides[settled:] == [8] * 4 + [16] * 4
+
+
+def test_smaller_images_are_the_same_images() -> None:
+    """Their mean over a block, not every second pixel; as they are where the size is given."""
+    images = torch.from_numpy(_images(3, 5)).permute(0, 3, 1, 2)
+    config = DistilConfig(epochs=2, sides_px=(4, 16))
+
+    small = resized(images, config, 0)
+
+    assert small.shape == (3, 3, 4, 4)
+    assert abs(float(small.mean() - images.float().mean())) < 8
+    assert resized(images, config, 1) is images
+    assert resized(images, DistilConfig(), 0) is images

@@ -21,7 +21,7 @@ from taxel.evaluation.cards.claims import STEP, STEP_SHARE, grasp_row
 if TYPE_CHECKING:
     from taxel.evaluation.transitions.step_times import StepTime
     from taxel.models.transition import TransitionModel
-    from taxel.training.frames.extractors import BackboneEngine
+    from taxel.training.frames.extractors import BackboneEngine, BackboneExtractor
 
 ROUNDS, REPEATS = 3, 6
 """Rounds, and streaming steps in each; the quietest round counts. Source: our choice."""
@@ -66,7 +66,7 @@ def backbone_rows(
     models: list[TransitionModel],
     ways: Sequence[tuple[BackboneEngine, Precision]],
 ) -> list[Row]:
-    """Return the rows of one backbone, which is exported once and opened in each engine.
+    """Return the rows of one backbone, which is exported once, if any engine needs that.
 
     Args:
         backbone: Its name.
@@ -78,13 +78,14 @@ def backbone_rows(
     from taxel.training.frames.extractors import open_backbone
 
     rows: list[Row] = []
-    extractor = open_backbone(backbone, threads=THREADS)
+    exported: BackboneExtractor | None = None
     for engine, precision in ways:
         if engine == "torch":
             ready = open_backbone(backbone, engine=engine, precision=precision)
         else:
+            exported = exported or open_backbone(backbone, threads=THREADS)
             ready = replace(
-                extractor, engine=open_engine(extractor.model, engine, precision, THREADS)
+                exported, engine=open_engine(exported.model, engine, precision, THREADS)
             )
         for model in models:
             rounds = [

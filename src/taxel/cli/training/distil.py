@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from taxel.training.backbones.distilling import Agreement, DistilConfig
     from taxel.training.backbones.fresh_transfer_set import FreshTransferSet
     from taxel.training.backbones.touch_images import ImageSource
-    from taxel.training.backbones.transfer_set import TransferSet
+    from taxel.training.backbones.transfer_set import TransferConfig, TransferSet
     from taxel.training.frames.extractors import BackboneExtractor
 
 _MOST_EPOCHS, _MOST_FRAMES, _MOST_COPIES, _MOST_BATCH = 1000, 1000, 100, 4096
@@ -49,8 +49,10 @@ class Distil:
     """Weights that the student begins with. Unless given, those of a similar network, where they
     are here (resnet101: resnet50, efficientnet-b0: efficientnet-lite0, densenet121:
     densenet121-typefaces), else random numbers."""
-    side_px: int = 96
-    """Height and width of the student's images, pixels; multiples of 32 fit all backbones."""
+    side_px: tuple[int, ...] = (96,)
+    """Height and width of the student's images, pixels; multiples of 32 fit all backbones. Of
+    several, each is used for an equal share of the epochs, in this order: smaller images first
+    save time. The last is that of the written file."""
     frames: int = 2
     """Images from each video, spread over its whole length."""
     copies: int = 3
@@ -82,7 +84,8 @@ class Distil:
         from taxel.training.backbones.fine_tuning import KeptEpochs
         from taxel.training.backbones.touch_images import find_videos, split_objects
 
-        check_student(self.backbone, self.teacher, self.side_px)
+        for side_px in self.side_px:
+            check_student(self.backbone, self.teacher, side_px)
         if self.start is not None:  # refused before images are read, which can take hours
             begin_student(self.backbone, self.start, self.seed)
         checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
@@ -90,10 +93,11 @@ class Distil:
             videos = [video for folder in self.data for video in find_videos(folder)]
             learn, kept = split_objects(videos)
             teacher = self._open_teacher()
+            largest = max(self.side_px)
             examples = self._gather_fresh(learn, teacher, bar) or self._gather(
-                learn, teacher, bar, self.seed
+                learn, teacher, bar, self._images(largest, self.seed)
             )
-            unseen = self._gather(kept, teacher, bar, _TEST_SEED)
+            unseen = self._gather(kept, teacher, bar, self._images(self.side_px[-1], _TEST_SEED))
             student = begin_student(self.backbone, self.start, self.seed)
             task = bar.add_task("learning", total=None)
             epochs = distil(
@@ -131,6 +135,11 @@ class Distil:
             least, given = 2 if name == "batch" else 1, getattr(self, name)
             if not least <= given <= most:
                 raise BadInput(f"--{name} within {least} and {most}", f"{given}", "choose another")
+        if not 1 <= len(self.side_px) <= self.epochs:
+            raise BadInput(
+                f"1 to {self.epochs} values of --side-px, one epoch each at least",
+                f"{len(self.side_px)}", "name fewer, or set more --epochs",
+            )  # fmt: skip
         if self.engine.precision == "int8":
             raise BadInput("--precision f32 or bf16 for a teacher", "int8", "choose another")
         if not 0 <= self.seed < 2**31:
@@ -156,15 +165,19 @@ class Distil:
             )  # fmt: skip
         return teacher
 
+    def _images(self, side_px: int, seed: int) -> TransferConfig:
+        """Return which images of each video are shown, and how large."""
+        from taxel.training.backbones.transfer_set import TransferConfig
+
+        return TransferConfig(side_px=side_px, frames=self.frames, copies=self.copies, seed=seed)
+
     def _gather(
-        self, videos: list[ImageSource], teacher: BackboneExtractor, bar: Bar, seed: int
-    ) -> TransferSet:
-        from taxel.training.backbones.transfer_set import TransferConfig, gather_transfer_set
+        self, videos: list[ImageSource], teacher: BackboneExtractor, bar: Bar,
+        config: TransferConfig,
+    ) -> TransferSet:  # fmt: skip
+        from taxel.training.backbones.transfer_set import gather_transfer_set
         from taxel.training.frames.features import default_cache
 
-        config = TransferConfig(
-            side_px=self.side_px, frames=self.frames, copies=self.copies, seed=seed
-        )
         most = len(videos) * self.frames * self.copies
         task = bar.add_task(f"answers of {self.teacher}", total=most)
         return gather_transfer_set(videos, teacher, config, self.cache or default_cache(),
@@ -176,14 +189,11 @@ class Distil:
         """Return a transfer set on a graphics card; None where the teacher runs on a processor."""
         from taxel.models.torch_engine import TorchEngine
         from taxel.training.backbones.fresh_transfer_set import gather_fresh
-        from taxel.training.backbones.transfer_set import TransferConfig
 
         engine = teacher.engine
         if not isinstance(engine, TorchEngine) or not engine.on_card:
             return None
-        config = TransferConfig(
-            side_px=self.side_px, frames=self.frames, copies=self.copies, seed=self.seed
-        )
+        config = self._images(max(self.side_px), self.seed)
         task = bar.add_task("images", total=len(videos) * self.frames * self.copies)
         return gather_fresh(videos, engine, teacher.key, config,
                             lambda done: bar.update(task, completed=done))  # fmt: skip
@@ -192,8 +202,8 @@ class Distil:
         from taxel.training.backbones.distilling import BATCH, DistilConfig
 
         rate = student.learning_rate * (self.batch / BATCH) ** 0.5
-        return DistilConfig(epochs=self.epochs, batch=self.batch, learning_rate=rate,
-                            bf16=self.bf16, seed=self.seed)  # fmt: skip
+        return DistilConfig(epochs=self.epochs, sides_px=self.side_px, batch=self.batch,
+                            learning_rate=rate, bf16=self.bf16, seed=self.seed)  # fmt: skip
 
     def _about(self, teacher: BackboneExtractor, start: str, seen: str, unseen: Agreement) -> Any:
         """Return the description that the file of weights holds."""
@@ -204,10 +214,10 @@ class Distil:
         return About(
             origin="taxel distil",
             trained=f"answers of {self.teacher}, {teacher.weights.words}, learned on touch, "
-            f"{seen}, {self.side_px} px, {self.epochs} epoch(s), from {start}; same first "
+            f"{seen}, {' then '.join(map(str, self.side_px))} px, {self.epochs} epoch(s), from {start}; same first "
             f"answer on {'changed ' if self.copies > 1 else ''}images of unseen objects "
             f"{unseen.words}",
-            side_px="" if self.side_px == usual else str(self.side_px),
+            side_px="" if self.side_px[-1] == usual else str(self.side_px[-1]),
         )
 
     def _print(

@@ -70,6 +70,9 @@ class DistilConfig:
 
     epochs: int = 4
     """Passes over all images."""
+    sides_px: tuple[int, ...] = ()
+    """Height and width that images are resized to, pixels; passes are shared out evenly among them,
+    in this order. Empty: as they are given."""
     batch: int = BATCH
     """Images in a step."""
     learning_rate: float = 1e-3
@@ -154,7 +157,8 @@ def distil(
             done = epoch * steps + step
             for group in adam.param_groups:
                 group["lr"] = rate * pace(done, config.epochs * steps)
-            loss = _loss(network, *examples.take(part, epoch), config)
+            images, answers = examples.take(part, epoch)
+            loss = _loss(network, resized(images, config, epoch), answers, config)
             adam.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
             length = nn.utils.clip_grad_norm_(network.parameters(), math.inf)  # measured, not cut
@@ -333,6 +337,23 @@ def _some(rows: NDArray[np.intp], config: DistilConfig) -> Iterator[NDArray[np.i
         part = order[first : first + size]
         if len(part) > 1:
             yield part
+
+
+def resized(images: Tensor, config: DistilConfig, epoch: int) -> Tensor:
+    """Return images at the size of an epoch, shape (n, 3, side, side).
+
+    Args:
+        images: Shape (n, 3, side, side).
+        config: The sizes, and how many epochs there are.
+        epoch: 0 for the first.
+    """
+    sides = config.sides_px or (images.shape[-1],)
+    side = sides[epoch * len(sides) // config.epochs]
+    if side == images.shape[-1]:
+        return images
+    return functional.interpolate(
+        images.float(), (side, side), mode="bilinear", align_corners=False, antialias=True
+    )
 
 
 def _loss(network: nn.Module, images: Tensor, answers: Tensor, config: DistilConfig) -> Tensor:
