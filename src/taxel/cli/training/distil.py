@@ -211,11 +211,12 @@ class Distil:
         from taxel.models.published.about import About
 
         usual = find_backbone(self.backbone).height_px
+        sides = " then ".join(map(str, self.side_px))
         return About(
             origin="taxel distil",
             trained=f"answers of {self.teacher}, {teacher.weights.words}, learned on touch, "
-            f"{seen}, {' then '.join(map(str, self.side_px))} px, {self.epochs} epoch(s), from {start}; same first "
-            f"answer on {'changed ' if self.copies > 1 else ''}images of unseen objects "
+            f"{seen}, {sides} px, {self.epochs} epoch(s), from {start}; same first answer "
+            f"on {'changed ' if self.copies > 1 else ''}images of unseen objects "
             f"{unseen.words}",
             side_px="" if self.side_px[-1] == usual else str(self.side_px[-1]),
         )
