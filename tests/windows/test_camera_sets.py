@@ -243,3 +243,26 @@ def test_a_recording_with_two_labelled_stretches_is_no_camera_trial(tmp_path: Pa
 
     with pytest.raises(BadDataset, match=r"one labelled stretch in each.*got 2 in .*b\.mcap"):
         read_camera_trials(tmp_path)
+
+
+@pytest.mark.parametrize(("stated", "rate_hz"), [("50", 50.0), ("", 25.0)])
+def test_a_rate_in_the_table_comes_before_that_of_the_images(
+    tmp_path: Path, stated: str, rate_hz: float
+):
+    """Images without a rate count as 25 a second."""
+    frames_of(tmp_path, "l", LEVELS)
+    (trial,) = read_camera_trials(table(tmp_path, "camera:left,rate", f"l,{stated}"))
+
+    assert trial.rate_hz == rate_hz
+
+
+def test_a_recording_s_own_images_have_one_digest_and_files_that_of_their_import_too(
+    tmp_path: Path,
+):
+    (recorded,) = read_camera_trials(record(tmp_path / "a.mcap", LEVELS))
+    frames_of(tmp_path, "l", LEVELS)
+    (read,) = read_camera_trials(table(tmp_path, "camera:left", "l"))
+
+    assert recorded.digests() == (recorded.digest,)
+    assert read.digests()[0] == read.digest
+    assert len(read.digests()) == 2

@@ -230,3 +230,14 @@ def test_two_labels_joined_are_one_to_predict(tmp_path: Path):
     assert dataset.classes("shape+material") == ["sphere glass", "sphere plastic"]
     with pytest.raises(BadDataset, match="size"):
         load_dataset(tmp_path, CONFIG, target="shape+size")
+
+
+@pytest.mark.parametrize(("steps", "noun"), [(1, "scans"), (10, "windows")])
+def test_what_is_left_out_of_windows_of_one_row_is_called_scans(
+    tmp_path: Path, steps: int, noun: str
+):
+    samples = scans()
+    samples.validity[57, 1] = Validity.MISSING
+    record(tmp_path, "a", [], samples)
+    (note,) = load_dataset(tmp_path, WindowConfig(steps=steps, stride=steps)).notes
+    assert note == f"1 {noun} hold values that are missing or NaN: left out"

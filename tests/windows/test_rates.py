@@ -19,7 +19,7 @@ from taxel.signals import Samples, SensorInfo
 from taxel.training.choose.preparations import candidate_windows, load_base
 from taxel.windows.config import LARGEST_AGE_S, WindowConfig, largest_age_s
 from taxel.windows.dataset import Dataset, load_dataset
-from taxel.windows.rates import with_common_grid
+from taxel.windows.rates import differ, with_common_grid
 from taxel.windows.scaling import Scaling
 from taxel.windows.windower import Windower, Windows, cut_windows
 
@@ -124,6 +124,23 @@ def test_rates_that_differ_are_put_on_the_grid_of_the_middle_one(tmp_path: Path)
     assert with_common_grid(replace(own, grid_hz=30.0), mixed).grid_hz == 30.0
     (note,) = load_dataset(mixed, with_common_grid(own, mixed)).notes
     assert "from 12.2 to 16.5 scans/s: put on one grid of 15.9 rows/s" in note
+
+
+@pytest.mark.parametrize("rates_hz", [(10.0, 20.0), (20.0, 10.0), (10.0, 20.0, 20.0)])
+def test_rates_are_compared_with_the_first_one(rates_hz: tuple[float, ...]):
+    assert differ(rates_hz)
+    assert not differ([10.0, 12.5, 8.0])
+
+
+def test_the_grid_is_that_of_the_recordings_to_learn_from(tmp_path: Path):
+    learn, test = tmp_path / "learn", tmp_path / "test"
+    learn.mkdir()
+    test.mkdir()
+    record_slow(learn, (12.2, 15.8, 16.5))
+    record_slow(test, (30.0, 31.0, 32.0))
+    own = WindowConfig(steps=10, stride=10, grid_hz=None)
+    assert with_common_grid(own, learn, test).grid_hz == 15.8
+    assert with_common_grid(own, test, learn).grid_hz == 31.0
 
 
 def test_rates_that_are_alike_keep_own_scans_as_rows(tmp_path: Path):

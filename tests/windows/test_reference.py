@@ -147,3 +147,13 @@ def test_touches_of_a_session_in_two_files_are_taken_file_by_file(tmp_path: Path
     left = [(trial.recording, trial.labels["kind"]) for trial in dataset.trials]
     assert left.count(("day-1.mcap", "block")) == 1
     assert left.count(("day-2.mcap", "block")) == 3
+
+
+def test_a_quiet_channel_beside_loud_ones_has_a_level_of_its_own(tmp_path: Path):
+    """As of another unit: x is a thousand times y, and y differs by two between sessions."""
+    recorded(tmp_path, "a", np.array([1000.0, 1.0, 100.0]))
+    recorded(tmp_path, "b", np.array([1000.0, 2.0, 100.0]))
+    dataset = load_dataset(tmp_path, WINDOW)
+    assert dataset.to_level is not None
+    wanted = np.array([[1.0, np.sqrt(2.0), 1.0], [1.0, np.sqrt(0.5), 1.0]])
+    np.testing.assert_allclose(dataset.to_level, wanted.repeat(2, axis=0), rtol=1e-5)

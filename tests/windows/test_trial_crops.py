@@ -1,5 +1,6 @@
 """What a crop of a camera trial shows, on images whose numbers are known beforehand (0049)."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -46,6 +47,7 @@ def test_the_more_trials_there_are_the_fewer_crops_lie_between():
     """All crops together stay within what is allowed, so that time does."""
     counts = [count_between(Layout(10, 3), trials) for trials in (10, 333, 334, 600, 601)]
     assert counts == [6, 6, 2, 2, 0]
+    assert count_between(Layout(10, 3), 1001) == 0, "three crops a trial are too many already"
     assert count_between(Layout(10, 1), 10) == 0
 
 
@@ -250,6 +252,10 @@ def test_movements_are_in_millimetres_and_radians(monkeypatch: pytest.MonkeyPatc
 def test_a_family_is_kept_under_its_version_and_number_of_columns(name: str):
     family = FAMILIES[name]
     assert family.key.startswith(f"{family.version}-{family.columns}-")
+
+
+def test_the_slip_family_s_version_ends_in_eight_digits_of_its_columns_names():
+    assert re.fullmatch("slip-2-[0-9a-f]{8}", FAMILIES["slip"].version)
 
 
 def test_a_family_is_looked_at_camera_by_camera():

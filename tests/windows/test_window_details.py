@@ -7,7 +7,7 @@ from taxel.errors import BadInput
 from taxel.labels.trials import Trial
 from taxel.signals import Samples, SensorInfo, Validity
 from taxel.windows import gaps, grid, trial_crops, windower
-from taxel.windows.checks import filled_note, grid_note, rare_note
+from taxel.windows.checks import filled_note, grid_note, rare_note, too_old
 from taxel.windows.config import FULL_SCALE_V, WindowConfig
 from taxel.windows.following import RecentRest
 from taxel.windows.windower import Rows, Windower, Windows
@@ -106,3 +106,7 @@ def test_of_a_padded_window_the_channel_most_often_saturated_counts():
     found = windower._padded_window(rows, 6)
     assert found.saturated.tolist() == [0.5]
     assert found.mask.sum() == 4
+
+
+def test_a_scan_s_largest_age_is_said_in_milliseconds():
+    assert too_old(WindowConfig(max_age_s=0.6)) == "over 600 ms old"

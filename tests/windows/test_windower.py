@@ -187,6 +187,29 @@ def test_a_channel_at_the_rail_is_reported() -> None:
     assert windows.saturated[0] == 1.0
 
 
+@pytest.mark.parametrize("scans", [12, 24])
+def test_of_one_window_or_several_the_channel_most_often_at_the_rail_counts(scans: int) -> None:
+    values = np.full((scans, 3), 2.0)
+    values[:3, 1] = values[:2, 2] = 3.3
+    samples = Samples.from_values(values, np.arange(scans) / 100.0, full_scale=3.3)
+
+    windows = cut_windows(samples, TENG_WINDOW, sensor())
+
+    assert windows.saturated.tolist() == [0.25, 0.0][: scans // 12]
+
+
+def test_it_is_known_how_many_rows_the_next_window_waits_for() -> None:
+    """Windows of 4 rows, 5 rows between them, of which the first comes with the window's last."""
+    windower = Windower(WindowConfig(steps=4, stride=9, grid_hz=None), sensor())
+    samples = stream(5)
+    found = [windower.missing]
+    for part in (samples[:3], samples[3:]):
+        windower.push(part)
+        found.append(windower.missing)
+
+    assert found == [4, 1, 8]
+
+
 def test_missing_scans_do_not_open_the_gate() -> None:
     samples = Samples.from_values(np.full((24, 2), 2.0), np.arange(24) / 100.0)
     samples.validity[:12] = Validity.MISSING
