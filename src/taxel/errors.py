@@ -83,7 +83,7 @@ class WorkerLost(TaxelError, RuntimeError):
 
     def __init__(self, job: str, fate: str, attempts: int) -> None:
         self._made_of = (job, fate, attempts)
-        after = f" after {attempts} attempts" if attempts else ""
+        after = f" after {attempts} attempt{'s' * (attempts > 1)}" if attempts else ""
         super().__init__(
             f"needed a worker that completes {job}; got none{after}: {fate}; "
             "give it more memory, or fewer --workers."

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadInput, BadSource, MissingExtra
 from taxel.image_head import read_png16
 from taxel.jpeg_head import check_size, read_head
+from taxel.plain_text import number_of
 from taxel.raster_head import is_raster, raster_size
 from taxel.signals import CameraInfo
 
@@ -221,5 +222,7 @@ def _seen(image: NDArray[Any]) -> str:
 
 def _damaged(jpeg: bytes) -> BadSource:
     return BadSource(
-        "a whole JPEG image", f"{len(jpeg)} bytes that are none", "check the camera's cable"
+        "a whole JPEG image",
+        f"{number_of(len(jpeg), 'byte')} without one",
+        "check the camera's cable",
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from taxel.errors import BadSource
 from taxel.jpeg_head import check_size, fits
+from taxel.plain_text import number_of
 from taxel.signals import DEPTH_PNG, CameraInfo
 
 _START = b"\x89PNG\r\n\x1a\n"
@@ -49,7 +50,7 @@ def read_png16(png: bytes, size: tuple[int, int]) -> None:
     """
     check_size(*size)
     if not png.startswith(_START):
-        raise BadSource("a PNG image", f"{len(png)} bytes that are none", _MEND)
+        raise BadSource("a PNG image", f"{number_of(len(png), 'byte')} without one", _MEND)
     if len(png) > 2 * size[0] * size[1] + _SPARE_BYTES:
         raise BadSource("a PNG no larger than its pixels", f"{len(png):,} bytes", _MEND)
     kinds, at = [], len(_START)

@@ -17,6 +17,7 @@ import re
 from dataclasses import dataclass
 
 from taxel.errors import BadSource
+from taxel.plain_text import number_of
 
 LARGEST_PX = 1 << 24
 """Pixels of the largest image that is ever decoded: 4096 × 4096, twice the 3280 × 2464 of a
@@ -76,7 +77,7 @@ def read_head(
             tactile cameras do not send: progressive, lossless, arithmetic, 12 bits, many scans.
     """
     if not jpeg.startswith(_START) or not (jpeg.endswith(_END) or (own_file and _END in jpeg)):
-        raise BadSource("a whole JPEG image", f"{len(jpeg)} bytes that are none", _MEND)
+        raise BadSource("a whole JPEG image", f"{number_of(len(jpeg), 'byte')} without one", _MEND)
     head: JpegHead | None = None
     scans, most_scans, at = 0, 0, 2
     for _ in range(_MOST_SEGMENTS):
@@ -143,7 +144,9 @@ def _length(jpeg: bytes, at: int) -> int:
     length = int.from_bytes(jpeg[at : at + 2], "big")
     if length < 2 or at + length > len(jpeg):
         raise BadSource(
-            "a whole JPEG image", f"a segment of {length} bytes at byte {at} of {len(jpeg)}", _MEND
+            "a whole JPEG image",
+            f"a segment of {number_of(length, 'byte')} at byte {at} of {len(jpeg)}",
+            _MEND,
         )
     return length
 
@@ -165,7 +168,7 @@ def _frame(
     if len(body) != 6 + 3 * components or components not in _COMPONENTS or body[0] != 8:
         raise BadSource(
             "a JPEG of 8 bits in 1 or 3 colours",
-            f"{body[0] if body else 0} bits in {components}", _MEND,
+            f"{number_of(body[0] if body else 0, 'bit')} in {components}", _MEND,
         )  # fmt: skip
     height, width = int.from_bytes(body[1:3], "big"), int.from_bytes(body[3:5], "big")
     if size is not None and (width, height) != size:

@@ -27,6 +27,7 @@ _MOST_DECIMALS, _MOST_PLAIN = 17, 1e12
 """Of a figure, and from where on it is written as 1e+12. A double has 17 digits at most."""
 _DIGEST = 8
 """Hexadecimal digits by which shortened texts differ: 32 bits."""
+_IRREGULAR = {"epoch": "epochs", "axis": "axes"}
 
 
 def visible(value: object) -> str:
@@ -66,10 +67,24 @@ def visible_line(value: object, most: int = MOST_LINE) -> str:
 
 
 def several(key: str) -> str:
-    """Return a group's name for several of its values: "session" → "sessions"."""
+    """Return a noun, such as a group's name, for several: "session" → "sessions"."""
     if key.endswith("y") and key[-2:-1] not in "aeiou":
         return f"{key[:-1]}ies"
+    for single, plural in _IRREGULAR.items():
+        if key.endswith(single):
+            return key.removesuffix(single) + plural
     return f"{key}es" if key.endswith(("s", "x", "ch", "sh")) else f"{key}s"
+
+
+def number_of(count: int, noun: str, form: str = "") -> str:
+    """Return a number and its noun: "1 window", "2 windows".
+
+    Args:
+        count: How many.
+        noun: What is counted, in the singular: "window", "labelled object".
+        form: The number's format, such as "," for 1,234.
+    """
+    return f"{count:{form}} {noun if count == 1 else several(noun)}"
 
 
 def without_controls(text: str) -> str:

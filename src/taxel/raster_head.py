@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from taxel.errors import BadSource
 from taxel.jpeg_head import check_size
+from taxel.plain_text import number_of
 
 _BMP = b"BM"
 _TIFF = {b"II*\x00": "little", b"MM\x00*": "big"}
@@ -44,7 +45,7 @@ def _bmp(image: bytes) -> tuple[int, int]:
     size = 2 if old else 4
     across, down = image[18 : 18 + size], image[18 + size : 18 + 2 * size]
     if len(down) < size:
-        raise BadSource("a whole BMP image", f"{len(image)} bytes", "copy it again")
+        raise BadSource("a whole BMP image", number_of(len(image), "byte"), "copy it again")
     # A height below 0 says that the rows run downwards.
     signed = not old
     return (
@@ -56,12 +57,12 @@ def _bmp(image: bytes) -> tuple[int, int]:
 def _tiff(image: bytes) -> tuple[int, int]:
     order = _TIFF.get(image[:4])
     if order is None:
-        raise BadSource("a BMP or TIFF image", f"{len(image)} bytes that are neither", _MEND)
+        raise BadSource("a BMP or TIFF image", f"{number_of(len(image), 'byte')} of neither", _MEND)
 
     def number(at: int, size: int) -> int:
         own = image[at : at + size]
         if len(own) < size:
-            raise BadSource("a whole TIFF image", f"{len(image)} bytes", "copy it again")
+            raise BadSource("a whole TIFF image", number_of(len(image), "byte"), "copy it again")
         return int.from_bytes(own, "little" if order == "little" else "big")
 
     first = number(4, 4)

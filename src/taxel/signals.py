@@ -70,8 +70,8 @@ class SensorInfo:
     def __post_init__(self) -> None:
         if len(self.channels) != len(self.units):
             raise ValueError(
-                f"needed one unit a channel; got {len(self.channels)} channels "
-                f"and {len(self.units)} units"
+                f"needed one unit a channel; got channels: {len(self.channels)}, "
+                f"units: {len(self.units)}"
             )
 
     def only(self, channels: tuple[str, ...] | None) -> SensorInfo:

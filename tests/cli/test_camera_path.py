@@ -174,7 +174,7 @@ def test_a_person_reads_each_change_of_state_and_what_came_of_the_grasp(
     assert words[-2] in ("WARNING", "UNSTABLE")
     assert words[-1] == "NO GRASP"
     assert "180 moments: " in text
-    assert "; 1 alarms" in text
+    assert "; 1 alarm\n" in text
     assert f"  {FALLS}: drop, first alarm after " in text
     assert "frames to decision: median " in text
 

@@ -59,7 +59,7 @@ def test_a_student_says_how_it_was_trained_and_runs_at_its_own_size(
     assert weights.label == f"file:{output.name}"
     assert weights.side_px == 64
     for part in ("taxel distil", f"answers of {LITE}", "72 images of 4 objects", "32 then 64 px",
-                 "2 epoch(s)", f"from {LITE}'s ImageNet",
+                 "2 epochs", f"from {LITE}'s ImageNet",
                  "on changed images of unseen objects 0."):  # fmt: skip
         assert part in weights.origin
     extractor = open_backbone("efficientnet-b0", output)

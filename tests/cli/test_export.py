@@ -50,7 +50,7 @@ def test_each_kind_writes_what_it_says(kind, output, made, recording, tmp_path, 
 def test_lerobot_there_and_back(recording, tmp_path, capsys):
     pytest.importorskip("pyarrow", reason="pyarrow is not installed (taxel[export])")
     main(["export", "lerobot", str(recording), "--output", str(tmp_path / "set")])
-    assert "1 episodes, 25 frames of 8 scans, 25 frames/s" in capsys.readouterr().out
+    assert "1 episode, 25 frames of 8 scans, 25 frames/s" in capsys.readouterr().out
     back = ["import", "lerobot", "--data", str(tmp_path / "set"), "--output", str(tmp_path / "b")]
     main(back)
     before, after = read_recording(recording), read_recording(tmp_path / "b" / "a.mcap")

@@ -81,7 +81,7 @@ def test_a_bundle_says_what_it_predicts_from_what_and_how_well(
     Info(tmp_path / "trials.json.taxel").run()
     printed = " ".join(capsys.readouterr().out.split())
     assert "predicts slip: held, slipped" in printed
-    assert "camera trials of 1 camera(s), 320×240, 25 frames/s; 3 crop(s) of 12 frames" in printed
+    assert "camera trials of 1 camera, 320×240, 25 frames/s; 3 crops of 12 frames" in printed
     assert "nothing was stored with it" in printed
 
 

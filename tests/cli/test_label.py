@@ -104,7 +104,10 @@ def test_without_physics_truth_a_person_can_still_label(pour: Path, capsys: Out)
         for frame in iterate_frames(pour):
             file.frame(frame)
     main(["label", str(bare), "--rule", "slip"])
-    assert "no physics truth for slip: label them" in capsys.readouterr().out.replace("\n", " ")
+    assert (
+        "no physics truth for slip in 1 of 1 recording: label them"
+        in capsys.readouterr().out.replace("\n", " ")
+    )
 
     found = label_json(capsys, str(bare), "--rule", "slip", "--onset", "1")
     assert list(found["recordings"][0]["onsets_s"]) == ["change"]

@@ -92,7 +92,7 @@ def test_what_is_recorded_live_keeps_its_session_and_the_answers_are_summed_up(
     printed = capsys.readouterr().out
 
     assert read_manifest(output).groups == {"session": "7"}
-    assert "shape: 1 windows: b" in printed
+    assert "shape: 1 window: b" in printed
     assert "NONE" not in printed
     assert "alarms" not in printed
 
@@ -135,7 +135,7 @@ def test_two_bundles_with_one_target_are_counted_and_named_apart(
     main([*words, "--json"])
     found = json.loads(capsys.readouterr().out)
     main(words)
-    lines = [line for line in capsys.readouterr().out.splitlines() if " windows: " in line]
+    lines = [line for line in capsys.readouterr().out.splitlines() if " window: " in line]
 
     found = [
         (answer["bundle"], answer["windows"])

@@ -302,7 +302,7 @@ def test_a_trial_without_a_value_is_imported_and_left_out_where_it_is_the_target
     put(tmp_path, "a.csv", "b.csv", "c.csv")
     _, notes = bring(tmp_path, "a.csv,cup,1", "b.csv,ball,", "c.csv,cup,2",
                      header="file,label:object,label:force")  # fmt: skip
-    assert notes == ["1 of 3 files have no label:force, the first is b.csv: left out where it is "
+    assert notes == ["1 of 3 files has no label:force, the first is b.csv: left out where it is "
                      "to be predicted"]  # fmt: skip
 
     rows = WindowConfig(steps=2, stride=2, grid_hz=None)

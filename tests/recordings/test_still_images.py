@@ -66,7 +66,7 @@ def tiff(tags: list[tuple[int, int, int]], order: str = "little", more: int = 0)
         (tiff([(256, 3, 44)])[:15], "a whole TIFF"),
         (b"II*\x00\x08\x00\x00\x00\xff\xff", "65535 tags"),
         (b"BM" + bytes(10), "a whole BMP"),
-        (b"II+\x00" + bytes(20), "that are neither"),
+        (b"II+\x00" + bytes(20), "of neither"),
     ],
 )
 def test_what_a_decoder_would_hide_is_refused(image: bytes, message: str) -> None:

@@ -294,7 +294,7 @@ def test_a_node_that_is_missing_or_no_camera_is_one_plain_line():
         ("0", {"rate_hz": "nan"}, "rate_hz of camera:// as a number within 1 and 1000"),
         ("0,1", {"names": "one"}, "2 different words"),
         ("0,1", {"names": "a,a"}, "2 different words"),
-        ("0", {"names": "a/b"}, "1 different words"),
+        ("0", {"names": "a/b"}, "1 different word"),
         ("0", {"mm_per_px": "-1"}, "mm_per_px of camera:// as one number above 0"),
     ],
 )

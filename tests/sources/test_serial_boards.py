@@ -217,7 +217,7 @@ def test_what_is_wrong_at_opening_is_said_in_one_line(tmp_path: Path):
     try:
         with pytest.raises(BadSource, match=r"a hello from the board at .*got nothing; .*firmware"):
             open_source(f"serial://{port.path}?wait_s=0.2")
-        with sending(port, b"\x07\x12garbage\x00"), pytest.raises(BadSource, match="that are none"):
+        with sending(port, b"\x07\x12garbage\x00"), pytest.raises(BadSource, match="without one"):
             open_source(f"serial://{port.path}?wait_s=0.3")
         with sending(port, b"12,13,14\r\n"), pytest.raises(BadSource, match="add format=csv"):
             open_source(f"serial://{port.path}?wait_s=0.3")

@@ -55,7 +55,7 @@ def test_an_outage_and_another_rate_are_shown_while_they_last(
 
 
 @pytest.mark.parametrize(
-    ("gate", "words"), [(None, "windows joined"), (1.0, "windows of this contact")]
+    ("gate", "words"), [(None, "window joined"), (1.0, "window of this contact")]
 )
 def test_without_a_gate_nothing_is_said_of_a_contact(gate: float | None, words: str) -> None:
     assert f"90% over 1 {words}" in screen(Tally("object", GraspVote(CLASSES, 0.8)), gate)

@@ -3,9 +3,10 @@
 import io
 from dataclasses import replace
 
+import pytest
 from rich.console import Console
 
-from taxel.evaluation.robustness.curve import CLEAN, FaultPoint
+from taxel.evaluation.robustness.curve import CLEAN, FaultPoint, level_text
 from taxel.views.figures.sweep import sweep_figure
 from taxel.views.tables.sweep import sweep_table
 
@@ -39,7 +40,7 @@ def test_the_table_says_level_interval_change_and_where_five_points_are_gone():
     assert "-29.0" in text
     assert "noise          19.2 dB" in text
     assert "nothing answered" in text
-    assert "not before 1 channels, where nothing is answered" in text
+    assert "not before 1 channel, where nothing is answered" in text
     assert "1,660" in text
     assert "draws" not in text
     assert "…" not in text.replace("0…1", "")  # nothing is cut off
@@ -91,3 +92,13 @@ def test_the_figure_is_a_png_that_grows_with_its_panels():
 
 def test_a_figure_without_any_fault_is_still_one():
     assert sweep_figure([BASE], "title").startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(("level", "unit", "shown"), [
+    (1.0, "channels", "1 channel"), (2.0, "channels", "2 channels"), (1.0, "ms", "1 ms"),
+    (0.5, "channels", "0.5 channels"), (1.0, "pairs", "1 pair"),
+])  # fmt: skip
+def test_one_of_what_is_counted_is_named_in_the_singular(
+    level: float, unit: str, shown: str
+) -> None:
+    assert level_text(level, unit) == shown

@@ -1,4 +1,4 @@
-"""From the state of a grasp to the force that a gripper is told to hold.
+"""From the state of a grasp to the force that a gripper is commanded to hold.
 
 Three policies: one that follows the monitor's decisions, and two to compare it with, a
 difference of pixels and always the maximum. All of them only ever raise the force within a

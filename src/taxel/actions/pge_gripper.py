@@ -40,6 +40,7 @@ from taxel.actions.bus_worker import BusWorker, Command
 from taxel.actions.gripper import GripperStatus, Latency, Motion
 from taxel.clock import Clock
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 
 INITIALISE, FORCE, POSITION, SPEED = 0x0100, 0x0101, 0x0103, 0x0104
 INITIALISED = 0x0200
@@ -276,7 +277,10 @@ class _Bus:
         if reply.function_code != expected:
             raise BusError("a late reply came instead of the one awaited")
         if what == "read" and len(reply.registers) != number:
-            raise BusError(f"asked for {number} registers, the gripper sent {len(reply.registers)}")
+            raise BusError(
+                f"asked for {number_of(number, 'register')}, the gripper sent "
+                f"{len(reply.registers)}"
+            )
         if what == "write" and (reply.address, *reply.registers) != (register, number):
             raise BusError("the gripper repeats another value than was written")
         return reply

@@ -23,6 +23,7 @@ from taxel.decisions.unknown import Unknown, unknown_from_json, unknown_to_json
 from taxel.errors import BadBundle, BadFile, BadInput
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.foreign.records import record_of
+from taxel.plain_text import number_of
 from taxel.signals import SensorInfo
 from taxel.windows.config import MOST_RATE_CHANGE, WindowConfig
 from taxel.windows.reference import Reference
@@ -75,13 +76,13 @@ class Contract:
     """The novelty test of touch unlike the training data; None where it was not learned."""
     learned: tuple[str, ...] = ()
     """A fingerprint of each training recording, see `fingerprint_of`, sorted; empty where it is
-    not known, as in bundles of before."""
+    not known, as in older bundles."""
 
     joining: Joining = MEAN
-    """How sure the windows of a contact are together; bundles of before take the mean."""
+    """How sure the windows of a contact are together; older bundles take the mean."""
     motion: Motion | None = None
     """How much each channel changed within training windows, so that one that has stopped is
-    reported; None where that is not known, as in bundles of before: none is reported."""
+    reported; None where that is not known, as in older bundles: none is reported."""
     trial_windows: int = 0
     """Windows of a usual training trial (their median); 0 where that is not known, as in bundles of
     before."""
@@ -108,12 +109,13 @@ class Contract:
         if len(sensor.channels) != len(self.channels) or sensor.units != self.units:
             if not sensor.channels:
                 raise BadBundle(
-                    f"recordings of an array of {len(self.channels)} channels",
+                    f"recordings of an array of {number_of(len(self.channels), 'channel')}",
                     "recordings of cameras only",
                     "name recordings of such an array, or a bundle of cameras",
                 )
             raise BadBundle(
-                f"{len(self.channels)} channels in {', '.join(sorted(set(self.units)))}",
+                f"{number_of(len(self.channels), 'channel')} in "
+                f"{', '.join(sorted(set(self.units)))}",
                 f"{len(sensor.channels)} in {', '.join(sorted(set(sensor.units)))} "
                 f"from {sensor.name!r}",
                 "train a bundle on recordings of this sensor",
@@ -233,7 +235,7 @@ def contract_from_json(text: str | bytes) -> Contract:
 
 
 def _contract(data: Any) -> Contract:
-    if isinstance(data, dict):  # what bundles of before lack
+    if isinstance(data, dict):  # what older bundles lack
         data = {field.name: field.default for field in fields(Contract)
                 if field.default is not MISSING} | data  # fmt: skip
     entries = Fields(data, "the contract")
@@ -245,7 +247,10 @@ def _contract(data: Any) -> Contract:
     if not classes or len(set(classes)) < len(classes):
         raise ValueError("the classes are none, or one comes twice")
     if not channels or len(set(channels)) < n or len(units) != n:
-        raise ValueError(f"{n} channels, of which one comes twice, with {len(units)} units")
+        raise ValueError(
+            f"{number_of(n, 'channel')}, of which one comes twice, with "
+            f"{number_of(len(units), 'unit')}"
+        )
     return Contract(
         target=entries.text("target"),
         classes=classes,
@@ -274,7 +279,7 @@ def _joining(data: Any) -> Joining:
 
 
 def _window(data: Any) -> Any:
-    """Return a window as it was meant: bundles of before filled no gaps."""
+    """Return a window as it was meant: older bundles filled no gaps."""
     return {"fill": 0.0} | data if isinstance(data, dict) else data
 
 
@@ -294,7 +299,7 @@ def _reference(given: Fields, channels: int) -> Reference:
 def _unknown(data: object, channels: int) -> Unknown:
     found = unknown_from_json(data)
     if len(found.level) != channels:
-        raise ValueError(f"the test for the unknown is not of {channels} channels")
+        raise ValueError(f"the test for the unknown is not of {number_of(channels, 'channel')}")
     return found
 
 

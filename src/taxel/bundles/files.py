@@ -15,6 +15,7 @@ from taxel.bundles.contract import Contract, at_level, contract_to_json
 from taxel.bundles.envelope import from_npy, pack, to_npy, unpack
 from taxel.bundles.reader import read_bundle
 from taxel.errors import BadBundle
+from taxel.plain_text import number_of
 
 
 def bundle_bytes(
@@ -53,7 +54,9 @@ def bundle_at_level(path: Path | str, level: NDArray[np.float32]) -> tuple[Contr
     """
     old = read_bundle(path).contract
     if len(level) != len(old.channels):
-        raise BadBundle(f"{len(old.channels)} levels, one a channel", str(len(level)), "mend it")
+        raise BadBundle(
+            f"{number_of(len(old.channels), 'level')}, one a channel", str(len(level)), "mend it"
+        )
     new = at_level(old, level)
     assert old.reference is not None
     checks = ("values", "mask", "probabilities")

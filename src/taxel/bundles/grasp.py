@@ -45,6 +45,7 @@ from taxel.foreign.records import record_of
 from taxel.gel.rim_slip import WITH_RIM
 from taxel.gel.slip_signal import PAIR_FEATURES
 from taxel.models.devices import CPU
+from taxel.plain_text import number_of
 from taxel.recordings.whole import write_whole
 from taxel.signals import CameraInfo
 from taxel.windows.rest import Tare
@@ -114,7 +115,8 @@ class GraspContract:
         feel = [camera for camera in cameras if not camera.scene]
         if len(cameras) != self.cameras or len(feel) < len(cameras):
             raise BadBundle(
-                f"a source with {self.cameras} tactile cameras", f"one with {len(feel)}",
+                f"a source with {number_of(self.cameras, 'tactile camera')}",
+                f"one with {len(feel)}",
                 "choose a source such as sim://cup-pour, or train on recordings of yours",
             )  # fmt: skip
         camera_names = tuple(camera.name for camera in cameras)

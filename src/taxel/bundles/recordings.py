@@ -14,6 +14,7 @@ import numpy as np
 from taxel.bundles.contract import Contract
 from taxel.bundles.levels import TouchLevel
 from taxel.errors import BadDataset
+from taxel.plain_text import number_of
 from taxel.windows.dataset import Dataset, load_dataset
 from taxel.windows.reference import parse_reference, session_levels, to_usual
 
@@ -83,8 +84,8 @@ def load_by_session(path: Path, contract: Contract, touches: TouchLevel) -> Data
     for name in sorted(set(session)):
         if held[name] < reference.count and named and name not in touches.sessions:
             raise BadDataset(
-                f"{reference.count} touches of {reference.key}={reference.value} in each session "
-                f"but that of --touches "
+                f"{number_of(reference.count, 'touch')} of {reference.key}={reference.value} "
+                "in each session but that of --touches "
                 f"({', '.join(sorted(touches.sessions)) or 'which name none'})",
                 f"{held[name]} in {name}", "leave it out, or give its own touches",
             )  # fmt: skip

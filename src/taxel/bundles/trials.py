@@ -27,6 +27,7 @@ from taxel.bundles.signing import Trust
 from taxel.errors import BadBundle
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.models.devices import CPU
+from taxel.plain_text import number_of
 from taxel.windows.trial_crops import FAMILIES, PLACES, Layout
 
 FORMAT = 1
@@ -71,7 +72,7 @@ class TrialContract:
     software: str
     learned: tuple[str, ...] = ()
     """Fingerprints of the training trials, as read and as imported, sorted; see
-    `taxel.bundles.contract.fingerprint_of`. Empty where it is not known, as in bundles of before.
+    `taxel.bundles.contract.fingerprint_of`. Empty where it is not known, as in older bundles.
     """
 
     @property
@@ -87,7 +88,7 @@ class TrialContract:
         """
         if len(sizes) != self.cameras:
             raise BadBundle(
-                f"trials of {self.cameras} camera(s)", f"{len(sizes)}",
+                f"trials of {number_of(self.cameras, 'camera')}", f"{len(sizes)}",
                 "train a bundle on trials like these",
             )  # fmt: skip
         for width, height in sizes:
@@ -165,7 +166,8 @@ def read_trial_bundle(path: Path, trust: Trust | None = None, device: str = CPU)
     model = open_engine(members["model.onnx"], threads=1, device=device)
     found = model.run(rows=rows)
     if found.shape != expected.shape:
-        raise BadBundle(f"what {len(rows)} crops give", f"an array of shape {found.shape}",
+        raise BadBundle(f"the answers to {number_of(len(rows), 'crop')}",
+                        f"an array of shape {found.shape}",
                         "write the bundle again")  # fmt: skip
     _refuse_differing(largest_difference(found, expected))
     return TrialBundle(contract, model)
@@ -194,7 +196,7 @@ def contract_from_json(text: str | bytes) -> TrialContract:
     """
     try:
         data = parse_json(text)
-        if isinstance(data, dict):  # what bundles of before lack
+        if isinstance(data, dict):  # what older bundles lack
             data = {"learned": []} | data
         return _contract(Fields(data, "the contract"))
     except ValueError as error:  # BadFile is a ValueError

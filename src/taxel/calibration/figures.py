@@ -1,7 +1,7 @@
 """Figures of a calibration file, as PNG bytes.
 
-They read the file's own content, so that a page can be made of any calibration. Colours are
-told apart by colour-blind readers and in grey print. Knows nothing about pages or recordings.
+They read the file's own content, so that a page can be made of any calibration. Colours can
+be distinguished by colour-blind readers and in grey print. Knows nothing about pages or recordings.
 """
 
 from __future__ import annotations

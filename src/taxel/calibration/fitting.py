@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from taxel.calibration.curves import FORMS, Curve, Form, volts_of
+from taxel.plain_text import number_of
 
 FEWEST_PRESSES = 5
 """A curve of three parameters needs more presses than it has parameters; then an error can
@@ -51,7 +52,9 @@ def fit_curve(form: Form, force_n: Forces, volts: Volts) -> Curve:
         NoCurve: Too few presses, or volts that do not rise with force.
     """
     if len(force_n) < len(FORMS[form]) or distinct(force_n) < 2:
-        raise NoCurve(f"{len(force_n)} presses at {distinct(force_n)} forces")
+        raise NoCurve(
+            f"{number_of(len(force_n), 'press')} at {number_of(distinct(force_n), 'force')}"
+        )
     try:
         if form == "line":
             slope, offset = np.polyfit(force_n, volts, 1)

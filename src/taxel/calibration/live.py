@@ -31,7 +31,7 @@ class LiveNewtons:
     """Turn an array's scans into newtons; the same however the stream is cut.
 
     Until rest was seen, and for sensors that hold their value (measure "plateau"), whose rest
-    cannot be told apart from a hold, the calibration's own baseline counts.
+    cannot be distinguished from a hold, the calibration's own baseline counts.
 
     Args:
         calibration: Of these sensors.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from taxel.calibration.fitting import FEWEST_FORCES, FEWEST_PRESSES, bands_of, distinct
 from taxel.calibration.responses import Responses
+from taxel.plain_text import number_of
 
 MOST_AT_END = 0.1
 """Share of a force's presses at the converter's end from which on that force is left out whole,
@@ -104,7 +105,10 @@ class PressTable:
             return "never pressed"
         if len(self.force_n) >= FEWEST_PRESSES and distinct(self.force_n) >= FEWEST_FORCES:
             return ""
-        what = f"{len(self.force_n)} usable presses at {distinct(self.force_n)} forces"
+        what = (
+            f"{number_of(len(self.force_n), 'usable press')} at "
+            f"{number_of(distinct(self.force_n), 'force')}"
+        )
         at_end = int(self.saturated.sum())
         return what + (f", {at_end} at the converter's end" if at_end else "")
 

@@ -20,7 +20,7 @@ from taxel.foreign.text_lines import lines_of
 from taxel.signals import Mark, SensorInfo
 
 LARGEST_FORCE_N = 1000.0
-"""Above this a force is taken for a slip of the pen, newtons. Our choice."""
+"""Above this a force is taken for a typing error, newtons. Our choice."""
 _LARGEST_TABLE_BYTES = 10_000_000
 _COLUMNS = ("sensor", "force_n", "start_s", "end_s")
 _MORE_COLUMNS = ("direction", "round", "reference_v")

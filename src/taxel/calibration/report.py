@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from taxel.plain_text import html_text
+from taxel.plain_text import html_text, number_of
 from taxel.recordings.whole import write_whole
 
 Document = Mapping[str, Any]
@@ -95,7 +95,8 @@ def findings(document: Document) -> list[str]:
     others = ", ".join(f"{form} {score:.0f}" for form, score in scores.items())
     low, high = document["forces_n"]
     lines = [
-        f"{len(pressed)} of {len(channels)} sensors have a curve; form {document['form']} "
+        f"a curve for {len(pressed)} of {number_of(len(channels), 'sensor')}; form "
+        f"{document['form']} "
         f"(AICc: {others}); forces {low:.2f} to {high:.2f} N, read at the press's "
         f"{document['measure']}"
     ]
@@ -106,7 +107,8 @@ def findings(document: Document) -> list[str]:
     lines += [f"no curve for {', '.join(names)}: {why}" for why, names in reasons.items()]
     for errors in document["errors"]:
         lines.append(
-            f"error of held-out presses, {errors['split']} ({errors['presses']} presses): "
+            f"error of held-out presses, {errors['split']} "
+            f"({number_of(errors['presses'], 'press')}): "
             f"{_interval(errors['curve_n'])} N; straight line {_interval(errors['line_n'])} N"
         )
     for result in [document["at_one_force"], *document["references"]]:
@@ -140,8 +142,8 @@ def findings(document: Document) -> list[str]:
     )
     if any(lost):
         lines.append(
-            f"left out: {lost[0]} presses of forces at which the converter is at its end, "
-            f"{lost[1]} with unusable values"
+            f"left out: {number_of(lost[0], 'press')} of forces at which the converter is at "
+            f"its end, {lost[1]} with unusable values"
         )
     return lines
 
@@ -174,7 +176,8 @@ def write_page(path: Path, document: Document, command: str) -> None:
     )
     conditions = ", ".join(f"{k} {v}" for k, v in document["conditions"].items()) or "not known"
     sources = "; ".join(
-        f"{source['source']}, {source['presses']} presses" for source in document["made_from"]
+        f"{source['source']}, {number_of(source['presses'], 'press')}"
+        for source in document["made_from"]
     )
     parts = [
         f"<h1>{html_text(title)}</h1>",
@@ -218,7 +221,10 @@ def write_page(path: Path, document: Document, command: str) -> None:
 def _uniform(result: Mapping[str, Any]) -> str:
     ends = sum(result["at_least"])
     if result["spread_pct"] is None:
-        return f"at {result['at']}: {ends} channels at the converter's end, nothing to compare"
+        return (
+            f"at {result['at']}: {number_of(ends, 'channel')} at the converter's end, "
+            "nothing to compare"
+        )
     text = (
         f"at {result['at']}: channels alike within {result['spread_pct']:.2g} % (standard "
         f"deviation), {result['range_pct']:.2g} % from lowest to highest"

@@ -42,7 +42,7 @@ class ChannelCalibration:
     curve: Curve | None
     """Volts above the baseline at newtons; None where the channel has none."""
     largest_n: float
-    """Forces above this are not told apart; NaN without a curve."""
+    """Forces above this are not resolved; NaN without a curve."""
     baseline: float
     """Where the channel rested, in its unit; NaN where it is not known."""
     noise: float

@@ -34,6 +34,7 @@ from taxel.evaluation.run_scores import reliability
 from taxel.evaluation.table_split import idle_note, rows_in_no_trial, trials_to_score
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import coarsest_group, lone_group
+from taxel.plain_text import number_of
 from taxel.recordings.reader import list_recordings
 from taxel.windows.dataset import LABEL_THEM, Dataset, load_dataset, only_labelled
 from taxel.windows.windower import Windows
@@ -87,7 +88,7 @@ class BundleScores:
     learned_from: tuple[str, ...]
     """Recordings here whose very values the bundle learned from: their score is no test."""
     learned_is_known: bool
-    """False for a bundle of before, which does not say what it learned from."""
+    """False for an older bundle, which does not say what it learned from."""
     notes: tuple[str, ...]
 
 
@@ -131,7 +132,8 @@ def _test_part(
     left = [trial for i, trial in enumerate(dataset.trials) if i not in tested]
     notes = []
     if left:
-        notes.append(f"{len(left)} of {len(dataset.trials)} trials are not in the test part of "
+        every, are = number_of(len(dataset.trials), "trial"), "is" if len(left) == 1 else "are"
+        notes.append(f"{len(left)} of {every} {are} not in the test part of "
                      f"{table.name}: left out")  # fmt: skip
     notes += idle_note(table, [row for row in idle if row.side in ("test", "unused")])
     both = {trial.recording for trial in left} & {

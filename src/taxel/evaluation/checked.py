@@ -26,6 +26,7 @@ from taxel.evaluation.kept_folds import NOTHING_KEPT, FoldStore, KeptFolds, cont
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.evaluation.table_split import OWN_SPLIT, GivenSplit
 from taxel.jobs.running import as_done, shared_out
+from taxel.plain_text import number_of
 from taxel.training.curves import Curve
 from taxel.training.environment import Provenance
 from taxel.training.predictions import Predictions
@@ -54,7 +55,7 @@ class Checked:
     curves: tuple[Curve, ...] = ()
     """How its network learned in each fold; none of a model without epochs."""
     kept: int = 0
-    """Folds that were finished by a run that was broken off."""
+    """Folds that were finished by a run that was interrupted."""
     cached: int = 0
     """Folds of library models that were fitted by an earlier call on the same data and split."""
 
@@ -161,7 +162,7 @@ def _fit_folds(
             models[model].keep(model, number, result)
             results[model, number] = result
     else:
-        on_step(f"{len(missing)} folds side by side")
+        on_step(f"{number_of(len(missing), 'fold')} side by side")
         content, source = content_digest(opened.dataset, source.recipe.target), travelling(source)
         jobs = [
             (FoldJob(source=source, content=content, recipe=source.recipe, model=model,

@@ -1,4 +1,4 @@
-"""Finished folds of a cross-validation, so that one that was broken off goes on where it was.
+"""Finished folds of a cross-validation, so that an interrupted one continues where it was.
 
 A fold's predictions are stored as soon as it is done, under a key of everything that they depend
 on: recipe, folds, windows and labels, software, taxel's own code as it stands, and processor. A

@@ -17,7 +17,7 @@ from taxel.recordings.reader import read_recording
 def recordings_trained_on(contract: Contract, files: Sequence[Path]) -> tuple[str, ...]:
     """Return the names of the recordings whose very values a bundle was trained on, sorted.
 
-    Empty for a bundle of before, which does not say what it was trained on.
+    Empty for an older bundle, which does not say what it was trained on.
 
     Args:
         contract: The bundle's.

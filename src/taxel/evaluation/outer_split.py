@@ -15,6 +15,7 @@ from taxel.errors import BadSplit
 from taxel.evaluation.splits import Fold, Split, TrialFold, check_classes, parse_split
 from taxel.evaluation.table_split import OWN_SPLIT, GivenSplit, split_elsewhere
 from taxel.evaluation.usual_split import usual_split
+from taxel.plain_text import number_of
 from taxel.training.choose.preparations import Base
 
 FOLDS = 5
@@ -93,7 +94,7 @@ def _of_each(counts: NDArray[np.intp]) -> str:
     held = counts[counts > 0]
     few, most = int(held.min()), int(held.max())
     each = f"{few} of a class" if few == most else f"{few} to {most} of a class"
-    return f"{int(held.sum())} trials of {len(held)} classes, {each},"
+    return f"{number_of(int(held.sum()), 'trial')} of {number_of(len(held), 'class')}, {each},"
 
 
 def _other_folder(base: Base, folder: Path) -> Split:

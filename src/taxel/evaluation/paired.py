@@ -16,7 +16,7 @@ from scipy.stats import binomtest
 from taxel.errors import BadInput
 from taxel.evaluation.intervals import ratio_interval
 from taxel.labels.trials import Trial, coarsest_group, lone_group
-from taxel.plain_text import several
+from taxel.plain_text import number_of, several
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
 
@@ -281,7 +281,7 @@ def _ordered(found: Predictions) -> Predictions:
 
 def _verdict(paired: Paired, first: str, second: str) -> str:
     n, points = len(paired.groups), 100 * paired.difference
-    groups = f"{n} {several(paired.group)}"
+    groups = number_of(n, paired.group)
     sentences = []
     if not paired.only_first and not paired.only_second:
         sentences.append("The two runs are right and wrong on the very same windows.")
@@ -320,7 +320,8 @@ def _verdict(paired: Paired, first: str, second: str) -> str:
         )
     if paired.lone not in (None, paired.group):
         sentences.append(
-            f"Only one {paired.lone} was tested: this says nothing about other {paired.lone}s."
+            f"Only one {paired.lone} was tested: this says nothing about other "
+            f"{several(paired.lone)}."
         )
     if "leaks" in paired.split:
         sentences.append("The split leaks: whatever is better here need not be on new recordings.")

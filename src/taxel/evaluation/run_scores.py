@@ -20,7 +20,7 @@ from taxel.decisions.recognition import RecogniseConfig
 from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
 from taxel.evaluation.paired import LEVEL, coarsest_of, smallest_p, tested_of
 from taxel.labels.trials import lone_group
-from taxel.plain_text import several
+from taxel.plain_text import number_of, several
 from taxel.training.predictions import Predictions
 
 BINS = 10
@@ -179,7 +179,7 @@ def beside_baselines(
         return "near", f"{name} is above {beside}, but its interval is not"
     if smallest_p(interval.groups) >= LEVEL:
         return "few", (
-            f"{name} is above {beside}, but with {_count(interval.groups, group)} no difference "
+            f"{name} is above {beside}, but with {number_of(interval.groups, group)} no difference "
             f"can be claimed (smallest possible p {smallest_p(interval.groups):.2g})"
         )
     return "clear", f"{name} stands clear of every baseline, the best being “{best}”"
@@ -262,11 +262,11 @@ def blind_baselines(predictions: Predictions) -> tuple[str, ...]:
 
 
 def few_groups(group: str, groups: int) -> str | None:
-    """Return a warning on an interval of so few groups that it promises too much."""
+    """Return a warning on an interval of so few groups that it is too narrow."""
     if smallest_p(groups) < LEVEL:
         return None
     width_note = "no interval" if groups < 2 else "the interval is about their lowest and highest"
-    return f"{_count(groups, group)}: {width_note}; record more"
+    return f"{number_of(groups, group)}: {width_note}; record more"
 
 
 def only_one(lone: str | None, group: str) -> str | None:
@@ -278,11 +278,7 @@ def only_one(lone: str | None, group: str) -> str | None:
     """
     if lone is None or lone == group:
         return None
-    return f"only one {lone} was tested: the interval says nothing about other {lone}s"
-
-
-def _count(number: int, group: str) -> str:
-    return f"{number} {group}{'s' * (number != 1)}"
+    return f"only one {lone} was tested: the interval says nothing about other {several(lone)}"
 
 
 def split_groups(predictions: Predictions) -> list[str]:

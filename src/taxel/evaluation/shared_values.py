@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.labels.trials import OBJECTS, Trial, held_out
-from taxel.plain_text import several
+from taxel.plain_text import number_of, several
 
 
 def can_be_held_out(values: Sequence[str], y: NDArray[np.intp]) -> bool:
@@ -46,8 +46,9 @@ def on_both_sides(
         both |= own & {values[i] for i in fold.train | fold.validation}
     if not both or not can_be_held_out(values, y):
         return None
+    every, are = number_of(len(tested), f"tested {key}"), "is" if len(both) == 1 else "are"
     return (
-        f"{len(both)} of {len(tested)} tested {several(key)} are on both sides: the accuracy "
+        f"{len(both)} of {every} {are} on both sides: the accuracy "
         f"holds for {several(key)} that were learned from; --split group:{key} holds them out"
     )
 

@@ -18,7 +18,7 @@ from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_t
 from taxel.evaluation.shared_values import objects_on_both
 from taxel.evaluation.splits import Split, TrialFold, check_classes
 from taxel.labels.trials import Trial, span_at
-from taxel.plain_text import figures
+from taxel.plain_text import figures, number_of
 from taxel.recordings.reader import list_recordings
 from taxel.windows.dataset import LABEL_THEM, Dataset
 from taxel.windows.joining import join_datasets
@@ -259,8 +259,9 @@ def idle_note(table: FoldTable, rows: Sequence[FoldRow]) -> list[str]:
     """Return a note of rows that begin in no trial."""
     if not rows:
         return []
-    return [f"{len(rows)} of {len(table.rows)} rows of {table.name} begin in no trial, such as "
-            f"line {rows[0].line}: left out"]  # fmt: skip
+    begin = "begins" if len(rows) == 1 else "begin"
+    return [f"{len(rows)} of {number_of(len(table.rows), 'row')} of {table.name} {begin} in no "
+            f"trial, such as line {rows[0].line}: left out"]  # fmt: skip
 
 
 def _some(values: Sequence[str]) -> str:
@@ -383,4 +384,5 @@ def _left_out(dataset: Dataset, split: Split) -> list[str]:
                  if isinstance(fold, TrialFold))  # fmt: skip
     if not (count := len(dataset.trials) - len(named)):
         return []
-    return [f"{count} of {len(dataset.trials)} trials stand on no side of {split.name}: left out"]
+    every, stand = number_of(len(dataset.trials), "trial"), "stands" if count == 1 else "stand"
+    return [f"{count} of {every} {stand} on no side of {split.name}: left out"]

@@ -18,6 +18,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from taxel.exchange import lerobot_layout as layout
+from taxel.plain_text import number_of
 
 _EPISODE_COLUMNS = (
     "episode_index", "tasks", "length", "data/chunk_index", "data/file_index",
@@ -60,7 +61,7 @@ def _info(info: dict[str, Any]) -> Iterator[str]:
 
 def _episodes(info: dict[str, Any], rows: list[dict[str, Any]]) -> Iterator[str]:
     if len(rows) != info["total_episodes"]:
-        yield f"{len(rows)} episodes, {info['total_episodes']} in info"
+        yield f"{number_of(len(rows), 'episode')}, {info['total_episodes']} in info"
     at = 0
     for number, row in enumerate(rows):
         missing = [name for name in _EPISODE_COLUMNS if row.get(name) is None]
@@ -72,7 +73,7 @@ def _episodes(info: dict[str, Any], rows: list[dict[str, Any]]) -> Iterator[str]
             yield f"episode {number} does not follow the one before"
         at += row["length"]
     if at != info["total_frames"]:
-        yield f"{at} frames in the episodes, {info['total_frames']} in info"
+        yield f"{number_of(at, 'frame')} in the episodes, {info['total_frames']} in info"
 
 
 def _tasks(info: dict[str, Any], table: Any) -> Iterator[str]:
@@ -120,4 +121,4 @@ def _data(folder: Path, info: dict[str, Any], rows: list[dict[str, Any]]) -> Ite
         if not np.allclose(columns["timestamp"], even, atol=1e-4):  # their tolerance_s
             yield f"timestamp is not frame over fps in {path.name}"
     if at != info["total_frames"]:
-        yield f"{at} frames of data, {info['total_frames']} in info"
+        yield f"{number_of(at, 'frame')} of data, {info['total_frames']} in info"

@@ -19,6 +19,7 @@ from taxel.exchange import lerobot_layout as layout
 from taxel.exchange.lerobot_episode import ForeignEpisode, Info, OwnEpisode, state_key
 from taxel.foreign.files import MIB, in_words, open_file
 from taxel.foreign.json_text import Fields, parse_json, read_json
+from taxel.plain_text import number_of
 from taxel.recordings.manifest import from_record
 from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
@@ -196,7 +197,7 @@ class _Batches:
         while frames:
             batch = self._left if self._left is not None else next(self._parts, None)
             if batch is None:
-                raise ValueError(f"episode {episode} lacks {frames} frames")
+                raise ValueError(f"episode {episode} lacks {number_of(frames, 'frame')}")
             taken = min(frames, len(batch))
             part = batch.slice(0, taken)
             self._left = batch.slice(taken) if taken < len(batch) else None
@@ -217,7 +218,7 @@ def _write_episode(
 ) -> None:
     frames = row["length"]
     if not isinstance(frames, int) or frames < 1:
-        raise ValueError(f"episode {row['episode_index']} of {frames} frames")
+        raise ValueError(f"episode {row['episode_index']} of {number_of(frames, 'frame')}")
     ours = row.get(f"{layout.OWN}manifest")
     parts = batches.next(row["episode_index"], frames)
     if ours is not None:

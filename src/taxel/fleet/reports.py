@@ -62,7 +62,7 @@ class Report:
 
     station: str
     boot: str
-    """Drawn at each start, so that an old last will and a new start are told apart."""
+    """Drawn at each start, so that an old last will and a new start can be distinguished."""
     number: int
     """Reports before this, since the start."""
     version: str

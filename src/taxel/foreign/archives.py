@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadFile
 from taxel.foreign.files import MIB, in_words, open_file, refuse_larger, size_of
+from taxel.plain_text import number_of
 
 FREE = 16 * MIB
 """Bytes that any archive may unpack to, however small it is. Source: our choice."""
@@ -180,7 +181,7 @@ def array_of(content: bytes, kinds: str = "biuf") -> NDArray[Any]:
         _no_array(f"values of the kind {dtype}")
     count = math.prod(shape)
     if count * dtype.itemsize != len(content) - start:
-        _no_array(f"a shape of {_sides(shape)} with {len(content) - start:,} bytes")
+        _no_array(f"a shape of {_sides(shape)} with {number_of(len(content) - start, 'byte', ',')}")
     if dtype.kind == "U":
         letters = np.frombuffer(content, f"{dtype.byteorder}u4".replace("=", "<"), -1, start)
         if ((letters > _LAST_LETTER) | (letters >> 11 == _SURROGATES)).any():
@@ -204,7 +205,7 @@ def read_head(content: bytes) -> tuple[int, np.dtype[Any], tuple[int, ...], bool
     length = int.from_bytes(content[8 : 12 if wide else 10], "little")
     start = (12 if wide else 10) + length
     if length > _LONGEST_HEAD or start > len(content):
-        _no_array(f"a head of {length:,} bytes")
+        _no_array(f"a head of {number_of(length, 'byte', ',')}")
     head = content[start - length : start].decode("latin-1")
     if _OBJECTS.search(head):
         raise BadFile(

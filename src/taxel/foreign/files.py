@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from taxel.errors import BadFile
+from taxel.plain_text import number_of
 
 MIB = 2**20
 GIB = 2**30
@@ -158,7 +159,7 @@ def refuse_larger(path: Path, size: int, most: int) -> None:
 
 def in_words(size: int) -> str:
     """Return bytes as a person reads them."""
-    return f"{size / MIB:,.1f} MiB" if size >= MIB else f"{size:,} bytes"
+    return f"{size / MIB:,.1f} MiB" if size >= MIB else number_of(size, "byte", ",")
 
 
 def _refuse_others(found: os.stat_result, path: Path) -> None:

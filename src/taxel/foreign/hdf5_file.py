@@ -32,6 +32,7 @@ from taxel.foreign.held_arrays import (
     sides_of,
 )
 from taxel.foreign.npz_file import LARGEST_STACK, plain_text_of, texts_of
+from taxel.plain_text import number_of
 
 SIGN = b"\x89HDF\r\n\x1a\n"
 MATLAB_BLOCK = 512
@@ -298,7 +299,8 @@ def _check_chunks(dataset: Any) -> None:
     written = dataset.id.get_num_chunks()
     if written < pieces:
         raise BadFile(
-            f"all of {pieces:,} pieces (chunks)", f"{written:,}; the rest would read as zeros",
+            f"all of {number_of(pieces, 'piece', ',')} (chunks)",
+            f"{written:,}; the rest would read as zeros",
             "write them, or shorten the array",
         )  # fmt: skip
 

@@ -15,6 +15,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.plain_text import number_of
+
 MOST_NAMES = 100_000
 """Arrays in one file, and texts or cells in one array. Source: our choice."""
 LONGEST_TEXT = 4096
@@ -67,7 +69,7 @@ class Cells:
     items: tuple[Numbers | Texts, ...]
 
     def __str__(self) -> str:
-        return f"{len(self.items)} cells"
+        return number_of(len(self.items), "cell")
 
 
 Held = Numbers | Texts | Cells

@@ -204,7 +204,7 @@ class Fields:
         )
         if not fits or (found.size and found.dtype.kind not in "iuf"):
             sides = " × ".join("any" if n is None else str(n) for n in shape)
-            self._wrong(name, f"{sides} numbers")
+            self._wrong(name, f"{sides} number{'s' * (shape != (1,))}")
         found = found.astype(np.float64)
         fits = (np.abs(found) <= _LARGEST_32).all()  # NaN does not, either
         return found if fits else self._wrong(name, "finite numbers that 32 bits hold")

@@ -28,6 +28,7 @@ from taxel.foreign.archives import LARGEST_ARRAYS
 from taxel.foreign.files import MIB, in_words, open_file, refuse_larger, size_of
 from taxel.foreign.held_arrays import MOST_NAMES, Cells, Held, Numbers, Texts
 from taxel.foreign.npz_file import plain_text_of
+from taxel.plain_text import number_of
 
 LARGEST_MAT = LARGEST_ARRAYS
 """Bytes of a file, and of what a variable unpacks to; the format itself ends at twice as much."""
@@ -155,7 +156,10 @@ class MatFile:
             kind, length = self._words(file.read(8))
             place += 8
             if kind not in (_MATRIX, _PACKED) or length > size - place:
-                _no_mat(f"a part of the kind {kind} with {length:,} bytes of {size - place:,}")
+                _no_mat(
+                    f"a part of the kind {kind} with {number_of(length, 'byte', ',')} of "
+                    f"{size - place:,}"
+                )
             yield _Variable(place, length, kind == _PACKED)
             place += length if kind == _PACKED else -(-length // 8) * 8
 
@@ -250,7 +254,7 @@ class MatFile:
             _no_mat(f"numbers of the kind {kind}")
         stored = np.frombuffer(body, f"{self._order}{_STORED[kind]}")
         if stored.size != math.prod(matrix.shape):
-            _no_mat(f"a shape of {matrix.shape} with {stored.size:,} numbers")
+            _no_mat(f"a shape of {matrix.shape} with {number_of(stored.size, 'number', ',')}")
         return stored.astype(_dtype_of(matrix), copy=False).reshape(matrix.shape, order="F")
 
     def _texts(self, matrix: _Matrix) -> Texts:
@@ -267,14 +271,16 @@ class MatFile:
         if matrix.shape[0] == 1:
             return Texts((plain_text_of(text),))
         if len(text) != count or matrix.shape[0] > MOST_NAMES:
-            _no_mat(f"{len(text):,} letters for a shape of {matrix.shape}")
+            _no_mat(f"{number_of(len(text), 'letter', ',')} for a shape of {matrix.shape}")
         rows = matrix.shape[0]  # letters go down the columns
         return Texts(tuple(plain_text_of(text[row::rows]) for row in range(rows)))
 
     def _items(self, matrix: _Matrix) -> list[_Matrix]:
         count = math.prod(matrix.shape)
         if count > MOST_NAMES or count * 8 > len(matrix.rest):
-            _no_mat(f"{count:,} cells in {len(matrix.rest):,} bytes")
+            _no_mat(
+                f"{number_of(count, 'cell', ',')} in {number_of(len(matrix.rest), 'byte', ',')}"
+            )
         found, rest = [], matrix.rest
         for _ in range(count):
             kind, body, rest = self._part(rest)

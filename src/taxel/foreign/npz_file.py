@@ -35,6 +35,7 @@ from taxel.foreign.held_arrays import (
     Texts,
     bytes_of,
 )
+from taxel.plain_text import number_of
 
 LARGEST_STACK = 256 * GIB
 """Bytes of a file of arrays that is mapped: a month of 1,000 taxels at 100 Hz. Our choice."""
@@ -213,7 +214,7 @@ def _held(file: BinaryIO, at: int, size: int) -> Held:
     if bytes_of(shape, dtype) != size - start:
         raise BadFile(
             "as many bytes as its shape says",
-            f"a shape of {shape} with {size - start:,} bytes", "write it again",
+            f"a shape of {shape} with {number_of(size - start, 'byte', ',')}", "write it again",
         )  # fmt: skip
     if dtype.kind in "biufc" and size > start:
         mapped = np.memmap(file, dtype, "r", at + start, shape, "F" if by_columns else "C")

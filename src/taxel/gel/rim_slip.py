@@ -1,10 +1,10 @@
 """What the contact's rim says of slip, moment by moment: where a gel shears, slip begins there.
 
-On a layer the dots inside the contact stay with the object until gross slip, so that object less
-gel says little. What tells is how the rim lags behind, and how much faster the object turns than
-it did. All is a ratio or a turn, so that no column knows the time. Causal: the same class runs
-live and over whole pours, so batch equals live to the last bit. Knows nothing about images, noise,
-heads or thresholds.
+On a layer the dots inside the contact stay with the object until gross slip, so that the
+difference between object and gel hardly changes before it. The signs of slip are how far the rim
+lags behind, and how much faster the object turns than before. Each is a ratio or a turn, so that no
+column knows the time. Causal: the same class runs live and over whole pours, so batch equals live
+to the last bit. Knows nothing about images, noise, heads or thresholds.
 
 Source: docs/decisions/0037.
 """

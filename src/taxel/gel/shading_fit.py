@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadTable
 from taxel.gel.presses import Press, read_presses
 from taxel.gel.shading import Shading, clamped_normal, cv2, save_shading, terms
+from taxel.plain_text import number_of
 
 Array = NDArray[np.float64]
 
@@ -140,8 +141,8 @@ def main(arguments: Sequence[str]) -> None:
     presses = read_presses(arguments[0])
     r2 = ", ".join(f"{value:.3f}" for value in held_out_r2(presses))
     made = (
-        f"taxel.gel.shading_fit on {len(presses)} ball presses of {Path(arguments[0]).name}"
-        f"{''.join(f' ({word})' for word in arguments[2:])}; "
+        f"taxel.gel.shading_fit on {number_of(len(presses), 'ball press')} of "
+        f"{Path(arguments[0]).name}{''.join(f' ({word})' for word in arguments[2:])}; "
         f"R2 of red, green, blue on presses left out: {r2}"
     )
     save_shading(fit_shading(presses, made), Path(arguments[1]))

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 
 _MAD_TO_SIGMA = 1.4826
 """Median absolute deviation to standard deviation of a normal distribution."""
@@ -147,7 +148,7 @@ def change_signal(
     values = [meter.push(frame) for frame in frames]
     if not meter.complete:
         raise BadInput(
-            f"a video of at least {settled.stop} frames",
+            f"a video of at least {number_of(settled.stop, 'frame')}",
             f"{len(values)}",
             "give a longer video or a shorter settled stretch",
         )
@@ -175,7 +176,7 @@ def thresholds(
     settled = config.settled(rate_hz)
     if len(columns) < settled.stop:
         raise BadInput(
-            f"a signal of at least {settled.stop} frames",
+            f"a signal of at least {number_of(settled.stop, 'frame')}",
             f"{len(columns)}",
             "give a longer video or a shorter settled stretch",
         )

@@ -44,7 +44,7 @@ def refuse_reserved(classes: Iterable[str], target: str) -> None:
 
 
 def figures_as_classes(labels: Sequence[str], target: str) -> str | None:
-    """Return a warning where measured figures are told apart as classes, else nothing.
+    """Return a warning where measured figures are treated as classes, else nothing.
 
     Args:
         labels: The label of each trial.
@@ -59,6 +59,6 @@ def figures_as_classes(labels: Sequence[str], target: str) -> str | None:
         return None
     return (
         f"{target!r} looks like a measured figure: its {len(classes)} values in {len(labels)} "
-        "trials are told apart as classes, since taxel has no regression; sort them into a few "
+        "trials are treated as classes, since taxel has no regression; sort them into a few "
         "ranges to learn them"
     )

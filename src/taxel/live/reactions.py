@@ -45,7 +45,7 @@ class Reactions:
 
         Args:
             state: Of all monitors together.
-            advice: What the person is told to do.
+            advice: What the person is advised to do.
             now_s: Monotonic seconds.
         """
         level = _LEVEL.get(state, "")

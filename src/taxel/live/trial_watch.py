@@ -21,6 +21,7 @@ from taxel.decisions.trial_verdict import Verdict, VerdictConfig, join_crops, no
 from taxel.errors import BadSource
 from taxel.frame_codec import decode_frame
 from taxel.live.camera_health import CameraHealth
+from taxel.plain_text import number_of
 from taxel.signals import CameraInfo, Frame
 from taxel.windows.camera_trials import CameraTrial
 from taxel.windows.pairs import FrameSet
@@ -100,7 +101,7 @@ class TrialWatch:
         past = self._count - contract.crop
         looked = past >= 0 and past % contract.layout.every == 0
         if past < 0:
-            so_far = f"{self._count} of the {contract.crop} frames of a crop"
+            so_far = f"{self._count} of the {number_of(contract.crop, 'frame')} of a crop"
             self._verdict = no_verdict(contract.classes, so_far)
         elif looked:
             self._look()

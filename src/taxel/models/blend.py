@@ -208,7 +208,7 @@ def read_plan(text: bytes) -> Plan:
         parts = tuple(_part(Fields(raw, "a part"), steps) for raw in given.items("parts"))
         if not 0 < len(parts) <= _MOST_MEMBERS:
             raise ValueError(f"{len(parts)} members")
-        padded = given.flag("padded") if "padded" in given else True  # of before it was said
+        padded = given.flag("padded") if "padded" in given else True  # older bundles do not say
         return Plan(steps, pads, classes, parts, padded)
     except ValueError as error:  # BadFile is one
         got = str(getattr(error, "got", error))

@@ -1,7 +1,7 @@
 """A network's learned features beside each channel's plain statistics, and one last layer.
 
-What a network learned to tell its own classes apart says little of a class that it never
-saw; each channel's mean, spread and share of the whole say something of any touch. One
+Features that a network learned for its own classes carry little information on a class that it
+never saw; each channel's mean, spread and share of the whole describe any touch. One
 linear layer over both is all that adapting fits (docs/decisions/0028). Knows nothing
 about training or files.
 """

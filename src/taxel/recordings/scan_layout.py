@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.plain_text import number_of
 from taxel.recordings.cdr import CDR_HEAD, CDR_LITTLE_ENDIAN
 from taxel.recordings.field_names import field_names
 from taxel.recordings.manifest import FORMAT_VERSION
@@ -162,7 +163,9 @@ def end_of_scans(content: bytes, at: int, dtype: np.dtype[Any]) -> int:
     else:
         at += size * _fitting(content, at, dtype)
     if at == begin:
-        raise ValueError(f"a scan is not laid out for {dtype['values'].shape[0]} channels")
+        raise ValueError(
+            f"a scan is not laid out for {number_of(dtype['values'].shape[0], 'channel')}"
+        )
     return at
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from taxel.plain_text import number_of
 from taxel.signals import UNUSABLE, Frame, Samples, Validity
 
 
@@ -63,7 +64,7 @@ def camera_line(ledger: Mapping[str, Any]) -> str:
     measured = "rate unknown" if rate is None else f"{rate:.2f} frames/s measured"
     why = " (the camera had no newer image)" if ledger["repeated"] else ""
     return (
-        f"{ledger['frames']} frames in {ledger['duration_s']:.2f} s, {measured}, "
+        f"{number_of(ledger['frames'], 'frame')} in {ledger['duration_s']:.2f} s, {measured}, "
         f"{ledger['repeated']} repeated{why}, "
         f"{ledger['lost_frames']} lost"
     )

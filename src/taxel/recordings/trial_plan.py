@@ -4,7 +4,7 @@
     monday,ball,sphere,glass,7
 
 Each line is so many trials of one kind, in the table's order; each trial becomes one recording,
-trial-001.mcap and so on, which carries the line's labels and groups. A run that was broken off
+trial-001.mcap and so on, which carries the line's labels and groups. A run that was interrupted
 goes on where recordings are missing. Knows nothing about hands, grippers or screens.
 
 Background of our choices: docs/decisions/0043.
@@ -20,6 +20,7 @@ from pathlib import Path
 from taxel.errors import BadTable
 from taxel.foreign.files import MIB
 from taxel.foreign.text_lines import lines_of
+from taxel.plain_text import number_of
 from taxel.recordings.reader import read_manifest
 
 MOST_TRIALS = 9_999
@@ -107,7 +108,9 @@ def _trials_of(
 ) -> list[PlannedTrial]:
     cells = [cell.strip() for cell in cells]
     if len(cells) != len(names) or not all(cells):
-        raise BadTable(f"{len(names)} cells, none empty", f"{cells} in {where}", "fill the line")
+        raise BadTable(
+            f"{number_of(len(names), 'cell')}, none empty", f"{cells} in {where}", "fill the line"
+        )
     found: dict[str, dict[str, str]] = {kind: {} for kind in (*_KINDS, _TIMES)}
     for (kind, name), cell in zip(names, cells, strict=True):
         found[kind][name] = cell
@@ -164,7 +167,7 @@ def balance(
 
 def balance_line(trials: Sequence[PlannedTrial], done: Sequence[PlannedTrial]) -> str:
     """Return how far the plan is, in one line: all trials, then each value of each column."""
-    parts = [f"{len(done)} of {len(trials)} trials"]
+    parts = [f"{len(done)} of {number_of(len(trials), 'trial')}"]
     for key, values in balance(trials, done).items():
         if 1 < len(values) <= 12:
             each = ", ".join(f"{value} {made}/{of}" for value, (made, of) in values.items())

@@ -24,6 +24,7 @@ import numpy as np
 
 from taxel.errors import BadInput, RecordingFailed
 from taxel.held import output_of
+from taxel.plain_text import number_of
 from taxel.recordings.chunk_writer import ChunkWriter, Item
 from taxel.recordings.frame_layout import pack_times
 from taxel.recordings.manifest import Manifest, check_manifest
@@ -142,7 +143,7 @@ class Recorder:
         """
         if samples.values.shape[1] != len(self._manifest.sensor.channels):
             raise BadInput(
-                f"scans of {len(self._manifest.sensor.channels)} channels",
+                f"scans of {number_of(len(self._manifest.sensor.channels), 'channel')}",
                 f"{samples.values.shape[1]}",
                 "let the manifest describe the source that is recorded",
             )
@@ -180,7 +181,7 @@ class Recorder:
         """
         if not 0 <= frame.camera < len(self._manifest.cameras):
             raise BadInput(
-                f"frames of the manifest's {len(self._manifest.cameras)} cameras",
+                f"frames of the manifest's {number_of(len(self._manifest.cameras), 'camera')}",
                 f"one of camera {frame.camera}",
                 "let the manifest describe the source that is recorded",
             )

@@ -102,7 +102,7 @@ class Labelled:
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """Where training that is broken off goes on from."""
+    """Where training that is interrupted continues from."""
 
     path: Path
     job: str = ""

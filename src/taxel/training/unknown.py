@@ -22,6 +22,7 @@ from taxel.decisions.unknown import (
 from taxel.errors import BadDataset
 from taxel.labels.joined import parts_of
 from taxel.labels.trials import coarsest_group
+from taxel.plain_text import number_of
 from taxel.windows.dataset import Dataset
 from taxel.windows.scaling import Scaling
 
@@ -123,8 +124,8 @@ def check_enough(contacts: int, labels: int, rejected: float) -> None:
             (candidate for candidate in each if _least_scores(labels, candidate) <= contacts), None
         )
         raise BadDataset(
-            f"at least {needed} contacts in sessions held out, to call {rejected:g} of them "
-            "unknown",
+            f"at least {number_of(needed, 'contact')} in sessions held out, to call "
+            f"{rejected:g} of them unknown",
             f"{contacts}",
             "record each class in more sessions"
             + (f", or let {share:g} of known touch be rejected (--reject-novel)" if share else ""),

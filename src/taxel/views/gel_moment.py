@@ -27,6 +27,7 @@ from taxel.gel.slip_signal import GelSlip, Slip
 from taxel.gel.touch_poses import TouchFollower
 from taxel.labels.change import ChangeConfig
 from taxel.live.slip_watch import mm_per_px_of, taken_of
+from taxel.plain_text import number_of
 from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet
 
@@ -187,7 +188,7 @@ def look(sets: Iterable[FrameSet], cameras: Sequence[CameraInfo], moment: Moment
     early = list(islice(rest, settled.stop))
     if len(early) < settled.stop:
         raise BadInput(
-            f"at least {settled.stop} frames of each camera", f"{len(early)}",
+            f"at least {number_of(settled.stop, 'frame')} of each camera", f"{len(early)}",
             "record for longer: the first ones are what dots are compared with",
         )  # fmt: skip
     followers = [

@@ -19,7 +19,7 @@ from taxel.calibration.live import LiveNewtons
 from taxel.decisions.recognition import UNKNOWN
 from taxel.live.recogniser import Recogniser
 from taxel.live.session import Tally
-from taxel.plain_text import visible, visible_line
+from taxel.plain_text import number_of, visible, visible_line
 from taxel.signals import Samples, SensorInfo
 from taxel.views.terminal import array_map, heat_map
 
@@ -101,7 +101,7 @@ class LiveView:
         lines.append(f"{visible(label):<12}", style=style)
         of = "of this contact" if contract.window.gate is not None else "joined"
         sure_words = f"{confidence:4.0%} over " if np.isfinite(confidence) else ""
-        lines.append(f"{sure_words}{tally.vote.windows} windows {of}\n")
+        lines.append(f"{sure_words}{number_of(tally.vote.windows, 'window')} {of}\n")
         if tally.action:
             lines.append(f"  → {visible_line(tally.action)}\n", style="bold")
         for name, p in zip(contract.classes, latest.decision.probabilities, strict=True):
@@ -118,7 +118,7 @@ class LiveView:
         for still in tally.still_channels:
             lines.append(f"  {visible_line(still.words())}\n", style="bold yellow")
         lines.append(
-            f"  {tally.windows} windows, {1e6 * latest.latency_s:.0f} µs the last"
+            f"  {number_of(tally.windows, 'window')}, {1e6 * latest.latency_s:.0f} µs the last"
             + (f", right {tally.right} of {tally.marked}" if tally.marked else ""),
             style="dim",
         )

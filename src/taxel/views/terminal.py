@@ -21,7 +21,7 @@ _BARS = "▁▂▃▄▅▆▇"
 _STOPS = np.array(
     [(20, 24, 60), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37)], float
 )
-"""Dark blue to yellow, told apart by colour-blind readers; our own five stops."""
+"""Dark blue to yellow, distinct to colour-blind readers; our own five stops."""
 _UNKNOWN = "#555555"
 _BRIGHT = 0.55
 """Above this share of the scale a cell is light and wants dark letters."""

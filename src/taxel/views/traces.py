@@ -11,7 +11,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from taxel.plain_text import short_names, visible
+from taxel.plain_text import number_of, short_names, visible
 from taxel.signals import Samples, SensorInfo, Validity
 from taxel.views.terminal import (
     array_map,
@@ -89,7 +89,7 @@ class TraceScreen:
         measured = f"{rate_hz:.1f}" if np.isfinite(rate_hz) else "–"
         text.append(f"  {measured} scans/s")
         text.append(f" (nominal {info.rate_hz:g})", "dim")
-        text.append(f"  {self.buffer.scans:,} scans")
+        text.append(f"  {number_of(self.buffer.scans, 'scan', ',')}")
         return text
 
     def _health(self) -> Text:
@@ -99,8 +99,10 @@ class TraceScreen:
         text.append("  ")
         if not flags:
             text.append("all values good", "green")
-        words = ", ".join(f"{name} in {count:,}" for name, count in flags.items())
-        text.append(f"{words} scans" if flags else "", "yellow")
+        words = ", ".join(
+            f"{name} in {number_of(count, 'scan', ',')}" for name, count in flags.items()
+        )
+        text.append(words if flags else "", "yellow")
         return text
 
     def _traces(

@@ -110,7 +110,7 @@ def test_lines_of_trials_that_are_left_out_are_passed_over(tmp_path: Path) -> No
 
     pieces, sides = table_sides(touch, table, steps=4)
 
-    assert "1 trials have fewer than 3 rows: left out" in touch.notes
+    assert "1 trial of fewer than 3 rows: left out" in touch.notes
     assert pieces.trial.tolist() == list(range(19))
     assert [len(side) for side in sides.folds[0]] == [8, 11]
     table.write_text("recording,start_s,side\na,1,train\na,9.9,test\n")

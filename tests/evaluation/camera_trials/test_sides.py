@@ -40,7 +40,7 @@ def test_objects_on_both_sides_are_counted(tmp_path: Path) -> None:
     assert note.startswith("4 of 4 tested objects")
     note = shared_values(split_by_table(names, GROUPS, Y, table), GROUPS, Y)
     assert note is not None
-    assert note.startswith("1 of 1 tested objects")
+    assert note.startswith("1 of 1 tested object is on both sides")
     assert shared_values(split_trials(GROUPS, Y, "group:object", 4, 0), GROUPS, Y) is None
 
 
@@ -158,4 +158,4 @@ def test_trials_of_unlike_rates_are_refused_and_twins_are_named(
     message = capsys.readouterr().err
     assert "warning: the same images in 0002-" in message
     assert "and 0005-" in message
-    assert "and in 1 more such sets: where a split parts them" in message
+    assert "and in 1 more such set: where a split parts them" in message

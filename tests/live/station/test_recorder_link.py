@@ -191,5 +191,5 @@ def test_the_first_loss_of_a_recorder_is_an_event_and_the_alarm_counts_on(rig: R
     rig.begin()
     for lost in (1, 2, 5):
         rig.says(rig.path, lost=lost)
-    assert rig.words == ["the recorder lost 1 messages"]
+    assert rig.words == ["the recorder lost 1 message"]
     assert rig.alarm().text == "the recorder lost 5 messages"

@@ -237,4 +237,4 @@ def test_a_trial_in_no_row_of_which_every_channel_has_a_value_stops_nothing(tmp_
     (prepared,) = prepare_all(base)
 
     assert len(set(prepared.trial)) == 9
-    assert "1 of 10 trials are left out, such as 3" in " ".join(base.notes)
+    assert "1 of 10 trials is left out, such as 3" in " ".join(base.notes)

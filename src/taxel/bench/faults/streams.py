@@ -62,7 +62,7 @@ def _foreign_hello() -> Row:
     for number in range(_SCANS):
         frames = board.scan()
         if number % _EVERY == _EVERY - 1:
-            frames += _stranger(board, count)
+            frames += _changed_hello(board, count)
             count += 1
         stream.feed([Chunk(0.001 * number, frames)])
     ledger = stream.ledger
@@ -80,7 +80,7 @@ def _greeted(board: EmulatedBoard) -> BoardStream:
     return stream
 
 
-def _stranger(board: EmulatedBoard, number: int) -> bytes:
+def _changed_hello(board: EmulatedBoard, number: int) -> bytes:
     """Return a hello that is the board's own but for one thing."""
     (payload,) = FrameDecoder().feed(board.hello())
     own = unpack(payload)

@@ -93,7 +93,7 @@ class Resident:
 
     Args:
         where: Its working folder.
-        deadline_s: A command line is broken off then, seconds.
+        deadline_s: A command line is stopped then, seconds.
         main: A line of Python that defines `main`, which takes the words.
     """
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from taxel.bundles.avr.integers import BoardAnswers
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 
 CLOCK_HZ = 16_000_000
 """Of the Arduino Mega 2560."""
@@ -89,7 +90,7 @@ def run_on_host(folder: Path, counts: NDArray[np.uint16], classes: int) -> Board
         answer = c.taxel_classify()
         every[number] = answer.best, answer.confidence, *logits
     if overflows := ctypes.c_uint32.in_dll(c, "taxel_overflows").value:
-        raise OverflowError(f"{overflows} sums left 24 bits")
+        raise OverflowError(f"{number_of(overflows, 'sum')} left 24 bits")
     return _answers(every)
 
 
@@ -144,7 +145,7 @@ def run_on_board(
     rows = [line for line in lines if len(line) == 4 + classes and line[0].isdigit()]
     if process.returncode or len(rows) != len(counts):
         raise BadInput(
-            f"answers for {len(counts)} windows from the emulator",
+            f"answers for {number_of(len(counts), 'window')} from the emulator",
             f"{len(rows)} ({process.stderr.decode().strip()[-200:]})", "report this as a fault",
         )  # fmt: skip
     every = np.array(rows, np.int64)

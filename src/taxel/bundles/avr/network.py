@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from taxel.bundles.model_check import check_model
 from taxel.errors import BadBundle, MissingExtra
+from taxel.plain_text import number_of
 
 Floats = NDArray[np.float32]
 
@@ -83,7 +84,9 @@ def read_network(model: bytes, rows: int, columns: int) -> ImageNetwork:
     graph = onnx.load_from_string(model).graph
     nodes = [node for node in graph.node if node.op_type not in ("Constant", "Unsqueeze")]
     if tuple(node.op_type for node in nodes) != _ORDER or not _one_line(nodes):
-        raise _another(f"{len(nodes)} layers: {', '.join(node.op_type for node in nodes)[:120]}")
+        raise _another(
+            f"{number_of(len(nodes), 'layer')}: {', '.join(node.op_type for node in nodes)[:120]}"
+        )
     try:
         known = {tensor.name: np.asarray(numpy_helper.to_array(tensor), np.float32)
                  for tensor in graph.initializer}  # fmt: skip

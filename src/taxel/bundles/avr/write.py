@@ -29,6 +29,7 @@ from taxel.bundles.envelope import unpack
 from taxel.bundles.reader import Bundle, read_bundle
 from taxel.bundles.recordings import load_at_level
 from taxel.errors import BadBundle, BadInput
+from taxel.plain_text import number_of
 from taxel.recordings.whole import write_whole
 from taxel.signals import SensorInfo
 from taxel.windows.dataset import Dataset
@@ -90,7 +91,7 @@ class AvrReport:
             f"{self.folder}: {', '.join(self.files)}",
             f"{self.parameters:,} parameters, {self.products:,} products a window; sums stay "
             f"within ±{most:,} of ±8,388,607; reference {self.reference_mv} mV",
-            f"accuracy on {self.accuracy_on}, {self.windows:,} windows: float "
+            f"accuracy on {self.accuracy_on}, {number_of(self.windows, 'window', ',')}: float "
             f"{self.float_accuracy:.4f}, on the board {self.integer_accuracy:.4f} "
             f"({self.points_lost:+.2f} points lost); {self.same_answer:.2%} the same class",
         ]

@@ -21,6 +21,7 @@ from taxel.cli.printing import ask, command, console, print_json, say, say_aside
 from taxel.clock import SystemClock
 from taxel.errors import BadInput, BadSource, MissingExtra
 from taxel.foreign.files import sha256_of
+from taxel.plain_text import number_of
 from taxel.recordings.reader import read_recording
 from taxel.signals import Samples, SensorInfo
 
@@ -298,7 +299,7 @@ class Calibrate:
                 SystemClock(),
                 self.overwrite,
             )
-        say_aside(f"{path}: {made} presses")
+        say_aside(f"{path}: {number_of(made, 'press')}")
         return path
 
     def _correct(self, calibration: Path) -> None:
@@ -322,7 +323,7 @@ class Calibrate:
         level = max((abs(line["level_v"]) for line in lines), default=0.0)
         borrowed = ledger["borrowed_baselines"]
         say(
-            f"{self.output}: {ledger['scans']} scans in {self.unit}; baselines up to "
+            f"{self.output}: {number_of(ledger['scans'], 'scan')} in {self.unit}; baselines up to "
             f"{1000 * level:.1f} mV and drifts up to {1000 * drift:.1f} mV/h taken away; "
             f"raw: {self.source[0]}"
         )

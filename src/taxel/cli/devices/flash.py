@@ -19,7 +19,7 @@ from taxel.cli.options.rules import Only
 from taxel.cli.printing import print_json, say, say_aside
 from taxel.clock import Clock, SystemClock
 from taxel.errors import BadInput, BadSource, MissingExtra
-from taxel.plain_text import shell_words
+from taxel.plain_text import number_of, shell_words
 from taxel.wire.framing import FrameDecoder, frame_of
 from taxel.wire.messages import EVERY_BOARD, PROTOCOL, Command, Hello, Order, pack, unpack
 
@@ -152,7 +152,11 @@ class Flash:
                 }
             )
             return
-        does = f"{hello.channels} channels at {hello.rate_hz} Hz, " if hello.channels else ""
+        does = (
+            f"{number_of(hello.channels, 'channel')} at {hello.rate_hz} Hz, "
+            if hello.channels
+            else ""
+        )
         say(
             f"{port}: board {hello.board}, {hello.board_id or 'no name'}, runs firmware "
             f"{_dotted(hello.firmware)}: {does}reference {hello.reference_mv} mV"
@@ -212,7 +216,7 @@ def hear_hello(path: str, baud: int, wait_s: float, clock: Clock | None = None) 
                 port.write(_IDENTIFY)
                 ask_s = used_clock.now_s() + _ASK_S
             used_clock.sleep(0.005)
-        got = port.trouble if not port.is_open else f"{heard} bytes and no hello"
+        got = port.trouble if not port.is_open else f"{number_of(heard, 'byte')} and no hello"
     finally:
         port.close()
     raise BadSource(

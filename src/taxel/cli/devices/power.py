@@ -15,6 +15,7 @@ from rich.table import Table
 
 from taxel.cli.printing import console, print_json, say
 from taxel.errors import BadDataset, BadInput
+from taxel.plain_text import number_of
 from taxel.signals import Mark, Samples
 
 if TYPE_CHECKING:
@@ -94,7 +95,8 @@ def estimate_power(address: str, seconds: float, circuit: Circuit) -> dict[str, 
     rate_hz = rate_of(samples, nominal_hz)
     presses = presses_of(samples, rate_hz, circuit)
     if not presses:
-        raise BadDataset("presses that stand above rest", f"none in {len(samples)} scans",
+        raise BadDataset("presses that stand above rest",
+                         f"none in {number_of(len(samples), 'scan')}",
                          "touch the pads, or look for longer with --seconds")  # fmt: skip
     seen_s = len(samples) / rate_hz
     try:
@@ -178,11 +180,11 @@ def _means(groups: Sequence[Sequence[PressPower]]) -> dict[str, float]:
 def _print(result: dict[str, Any]) -> None:
     least = " at least" if result["at_end"] else ""
     press, grasp = result["press"], result["grasp"]
-    say(f"{result['presses']} presses of pads in {result['seconds']:.0f} s, {result['at_end']} at "
-        "the converter's end: an estimate")  # fmt: skip
+    say(f"{number_of(result['presses'], 'press')} of pads in {result['seconds']:.0f} s, "
+        f"{result['at_end']} at the converter's end: an estimate")  # fmt: skip
     say(f"a press of a pad:{least} {press['charge_nc']:.3g} nC, {press['energy_nj']:.3g} nJ")
     if grasp is not None:
-        say(f"a grasp, all pads and presses ({result['grasps']} grasps):{least} "
+        say(f"a grasp, all pads and presses ({number_of(result['grasps'], 'grasp')}):{least} "
             f"{grasp['charge_nc']:.3g} nC, {grasp['energy_nj']:.3g} nJ")  # fmt: skip
     say(f"power while this goes on: {result['power_nw']:.3g} nW")
     table = Table(

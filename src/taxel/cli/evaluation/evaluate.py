@@ -23,6 +23,7 @@ from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
 from taxel.held import only_writer
+from taxel.plain_text import number_of
 
 OF_A_RECIPE = (
     "split", "test", "fold-count", "model", "members", "comparators", "output", "fresh",
@@ -168,7 +169,8 @@ class Evaluate:
             return
         print_checked(checked)
         if checked.cached:
-            say(f"{checked.cached} folds of library models were kept; --fresh fits them")
+            folds = number_of(checked.cached, "fold")
+            say(f"library models kept for {folds}; --fresh fits them again")
 
 
 def _is_bundle_file(path: Path) -> bool:

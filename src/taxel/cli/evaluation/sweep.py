@@ -16,6 +16,7 @@ from taxel.cli.options.rules import Only
 from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import console, print_json, progress, say, say_aside
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 from taxel.recordings.whole import write_whole
 
 if TYPE_CHECKING:
@@ -160,7 +161,7 @@ class Sweep:
                     points = sweep_simulated(file, plan, which, config, show)
                 else:
                     points = sweep_conditions(model, plan, which, config, on_point=show)
-                where = f"{self.sessions} new sessions of sim://teng each"
+                where = f"{number_of(self.sessions, 'new session')} of sim://teng each"
             else:
                 contract = model.contract
                 channels = len(contract.channels) if contract.window.channels is None else None
@@ -169,7 +170,10 @@ class Sweep:
                 asked, channels = names or plan, len(touches[0].sensor.channels)
                 plan = plan_array(names, levels, channels)
                 if left := ", ".join(name for name in asked if name not in plan):
-                    _note(f"{left} left out: an array of {channels} channels cannot have it.")
+                    _note(
+                        f"{left} left out: an array of {number_of(channels, 'channel')} "
+                        "cannot have it."
+                    )
                 seen = recordings_trained_on(contract, list_recordings(self.data))
                 _warn_if_seen(bool(seen) or digest == contract.data_digest)
                 bar.update(task, total=1 + sum(map(len, plan.values())))

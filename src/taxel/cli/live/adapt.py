@@ -13,6 +13,7 @@ import tyro
 from taxel.cli.options.rules import Only
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -160,7 +161,7 @@ class Adapt:
             measured_at(self._predictor(run), contract, self.test, level) if self.test else ({}, {})
         )
         change = Change(
-            what=f"brought to the level of {level.touches} touches",
+            what=f"brought to the level of {number_of(level.touches, 'touch')}",
             data=(str(self.touches),), data_digest=level.digest, before=before, after=after,
         )  # fmt: skip
         place = self._place()
@@ -219,9 +220,9 @@ class Adapt:
             )  # fmt: skip
             bar.update(task, description="measuring")
             before, after = measured(run, adapted.run, self.test, level)
-        counts = ", ".join(f"{name!r} from {grasps.count(name)} grasps" for name in names)
+        each = (f"{name!r} from {number_of(grasps.count(name), 'grasp')}" for name in names)
         change = Change(
-            what=f"new class {counts}", data=tuple(map(str, self.new)),
+            what=f"new class {', '.join(each)}", data=tuple(map(str, self.new)),
             data_digest=grasps.digest, before=before, after=after,
         )  # fmt: skip
         place = self._place()
@@ -260,7 +261,7 @@ class Adapt:
             learned = learn_corrections(run, grasps, on_grasp=lambda _: bar.update(task, advance=1))
             before, after = measured(run, learned.run, self.test, level)
         change = Change(
-            what=f"{learned.grasps} corrected grasps", data=(str(self.correct),),
+            what=number_of(learned.grasps, "corrected grasp"), data=(str(self.correct),),
             data_digest=grasps.digest, before=before, after=after,
         )  # fmt: skip
         place = self._place()
@@ -278,7 +279,8 @@ class Adapt:
                        for drift, time in zip(learned.drifts, times, strict=True)],
         }  # fmt: skip
         lines = [
-            f"{learned.grasps} grasps that gave a window: {learned.prequential:.1%} correct while "
+            f"{number_of(learned.grasps, 'grasp')} that gave a window: "
+            f"{learned.prequential:.1%} correct while "
             f"learning, {learned.unlearned:.1%} by the run as it was"
         ] + [
             f"drift since {time} (doubt {drift.before:.2f} → {drift.after:.2f}): touch the "

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from taxel.cli.live.summaries import answers_lines
 from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.cli.recordings.recording import SUMMARY_FOLLOWS, stop_signals
+from taxel.plain_text import number_of
 
 if TYPE_CHECKING:
     from taxel.actions.rule_table import RuleTable
@@ -149,7 +150,7 @@ def _summary_lines(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
     yield from _accuracy_lines(result)
     if result["filled"]:
-        yield f"{result['filled']} windows had short gaps filled in", ""
+        yield f"{number_of(result['filled'], 'window')} had short gaps filled in", ""
     for move in result["gate_moves"]:
         yield f"{move['time_s']:.1f} s: {GateMove(**move).words()}", ""
     for still in result["still_channels"]:
@@ -169,15 +170,15 @@ def _summary_lines(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
 def _accuracy_lines(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield how many answers were correct, where the source knows, and what limits that figure."""
     if result["marked"]:
-        windows = f"{result['right']}/{result['marked']} windows"
-        grasps = f"{result['grasps_right']}/{result['grasps']} whole grasps"
+        windows = f"{result['right']}/{number_of(result['marked'], 'window')}"
+        grasps = f"{result['grasps_right']}/{number_of(result['grasps'], 'whole grasp')}"
         rule = "UNKNOWN is correct only for touch that was never trained on"
         yield f"accuracy against ground truth: {windows}, {grasps} ({rule})", ""
     if result["grasps_without"]:
         marked = result["grasps"] + result["grasps_without"]
         yield (
-            f"warning: {result['grasps_without']} of {marked} marked grasps held no whole window: "
-            "nothing was decided of them",
+            f"warning: {result['grasps_without']} of {number_of(marked, 'marked grasp')} held "
+            "no whole window: nothing was decided of them",
             "yellow",
         )
     if result["warning"] is not None:

@@ -13,6 +13,7 @@ import tyro
 from taxel.cli.options.rules import Only
 from taxel.cli.printing import command, print_json, say
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 
 if TYPE_CHECKING:
     from taxel.bundles.contract import Contract
@@ -221,7 +222,7 @@ def _print_exported(
 
     say(f"{output}{', replaced' if older else ''}: {output.stat().st_size:,} bytes; "
         f"probabilities differ from PyTorch's by at most {contract.parity:.1e} over "
-        f"{windows} windows")  # fmt: skip
+        f"{number_of(windows, 'window')}")  # fmt: skip
     if signer is not None:
         say(_signed_by(signer))
     hand = contract.channels == SENSORS

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from taxel.cli.printing import console, print_json, say
 from taxel.cli.recordings.recording import SUMMARY_FOLLOWS, stop_signals
-from taxel.plain_text import visible, visible_line
+from taxel.plain_text import number_of, visible, visible_line
 
 if TYPE_CHECKING:
     from taxel.bundles.grasp import GraspContract
@@ -69,7 +69,10 @@ def live_grasps(
         print_json(summary)
         return
     states = ", ".join(f"{name} {count}" for name, count in summary["states"].items())
-    say(f"{summary['moments']} moments: {states or 'none'}; {summary['alarms']} alarms")
+    say(
+        f"{number_of(summary['moments'], 'moment')}: {states or 'none'}; "
+        f"{number_of(summary['alarms'], 'alarm')}"
+    )
     if summary["starts"]:
         starts = ", ".join(f"{start_s:.2f} s" for start_s in summary["starts"])
         say(f"grasps found to begin after: {starts}")

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from taxel.cli.printing import say
-from taxel.plain_text import visible
+from taxel.plain_text import number_of, visible
 
 if TYPE_CHECKING:
     from taxel.live.station.station import Station
@@ -25,7 +25,7 @@ def answers_lines(results: list[dict[str, Any]]) -> list[str]:
         each = ", ".join(f"{visible(name)} {count}" for name, count in result["answers"].items())
         done = ", ".join(f"{visible(name)} {n}" for name, n in result["actions"].items())
         to_do = f"; to do: {done}" if done else ""
-        lines.append(f"{title}: {result['windows']} windows: {each or 'none'}{to_do}")
+        lines.append(f"{title}: {number_of(result['windows'], 'window')}: {each or 'none'}{to_do}")
     return lines
 
 
@@ -77,8 +77,8 @@ def print_station_summary(summary: dict[str, Any]) -> None:
         if name == "recorder" and summary["recording"].get("not_written"):
             again = f", not written {summary['recording']['not_written']}{again}"
         say(
-            f"  {name}: {process['produced']} messages produced, {process['consumed']} received, "
-            f"{process['dropped']} lost{again}"
+            f"  {name}: {number_of(process['produced'], 'message')} produced, "
+            f"{process['consumed']} received, {process['dropped']} lost{again}"
         )
     if summary["latency_ms"]:
         parts = [
@@ -90,9 +90,9 @@ def print_station_summary(summary: dict[str, Any]) -> None:
         say(recording["error"], style="red")
     if recording.get("ledger"):
         ledger = recording["ledger"]
-        parts = [f"{ledger['scans']} scans"] if ledger["scans"] else []
+        parts = [number_of(ledger["scans"], "scan")] if ledger["scans"] else []
         parts += [
-            f"{name} {camera['frames']} frames"
+            f"{name} {number_of(camera['frames'], 'frame')}"
             for name, camera in ledger.get("cameras", {}).items()
         ]
         what = "taken in" if recording.get("error") else f"recorded: {recording['path']}"

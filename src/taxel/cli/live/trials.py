@@ -12,7 +12,7 @@ from rich.text import Text
 from taxel.cli.printing import console, print_json, say
 from taxel.cli.recordings.recording import SUMMARY_FOLLOWS, stop_signals
 from taxel.decisions.recognition import UNKNOWN
-from taxel.plain_text import visible, visible_line
+from taxel.plain_text import number_of, visible, visible_line
 
 if TYPE_CHECKING:
     from taxel.actions.rule_table import RuleTable
@@ -73,9 +73,11 @@ def live_trials(
     if summary["warning"] is not None:
         say(f"warning: {summary['warning']}", style="yellow")
     if total.looks_s:
+        step = opened.contract.layout.every
+        every = "frame" if step == 1 else f"{step} frames"
         say(
             f"a look at a crop: median {summary['look_ms_median']:.0f} ms, at most "
-            f"{summary['look_ms_max']:.0f} ms, each {opened.contract.layout.every} frame(s)"
+            f"{summary['look_ms_max']:.0f} ms, each {every}"
         )
 
 
@@ -98,9 +100,9 @@ def _check_cameras(contract: TrialContract, source: str) -> None:
         manifest = read_manifest(file)
         found = len(manifest.tactile)
         if found != contract.cameras:
-            array = f" and an array of {len(manifest.sensor.channels)} channels"
+            array = f" and an array of {number_of(len(manifest.sensor.channels), 'channel')}"
             raise BadBundle(
-                f"recordings of {contract.cameras} tactile camera(s)",
+                f"recordings of {number_of(contract.cameras, 'tactile camera')}",
                 f"{file}, which holds {found}{array if manifest.sensor.channels else ''}",
                 "name recordings of such trials, or train a bundle on trials like these",
             )

@@ -13,6 +13,7 @@ from taxel.cli.long_work import LongWork
 from taxel.cli.options.rules import Only
 from taxel.cli.printing import say_aside
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 
 if TYPE_CHECKING:
     from taxel.evaluation.camera_trials.sides import TrialSplit
@@ -84,10 +85,10 @@ class TrialOptions:
 
         trials = read_camera_trials(data)
         if same := [names for names in _alike(trials).values() if len(names) > 1]:
+            more = f", and in {number_of(len(same) - 1, 'more such set')}" if same[1:] else ""
             say_aside(
                 f"warning: the same images in {' and '.join(same[0])}"
-                f"{f', and in {len(same) - 1} more such sets' if same[1:] else ''}: where a split "
-                "parts them, what is tested was learned from"
+                f"{more}: where a split parts them, what is tested was learned from"
             )
         if self.test is None:
             return trials

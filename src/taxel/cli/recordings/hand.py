@@ -16,6 +16,7 @@ from taxel.cli.options.rules import Only
 from taxel.cli.printing import print_json, say
 from taxel.cli.recordings.recording import stop_signals
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 
 if TYPE_CHECKING:
     from taxel.actions.actuators import HandActuator
@@ -193,6 +194,6 @@ def _line(action: str, result: dict[str, Any]) -> str:
     parts = [
         f"hand {result['state']}" + (f" ({result['fault']})" if result["fault"] else ""),
         f"{action}: {ended[result['ended']]} after {result['seconds']:.2f} s",
-        f"largest currents {largest} mA of {result['readings']} readings",
+        f"largest currents {largest} mA of {number_of(result['readings'], 'reading')}",
     ]
     return "; ".join(parts)

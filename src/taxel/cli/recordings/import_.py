@@ -13,7 +13,7 @@ from taxel.cli.options.rules import Only
 from taxel.cli.printing import command, print_json, progress, say, say_aside
 from taxel.cli.recordings.export.need import need_packages
 from taxel.errors import BadInput, MissingExtra
-from taxel.plain_text import visible
+from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.header import table_cells
 from taxel.recordings.imports.importing import ImportOptions, import_rows, intervals_of
 from taxel.recordings.imports.intervals import Interval
@@ -111,7 +111,10 @@ class Import:
             say_aside(f"note: {note}")
         for note in notes:
             say(note)
-        say(f"{self.output}: {len(made)} recordings; next:", command("taxel", "info", self.output))
+        say(
+            f"{self.output}: {number_of(len(made), 'recording')}; next:",
+            command("taxel", "info", self.output),
+        )
 
     def _import(
         self, progress: Callable[[int, int], None], on_file: Callable[[FileFacts], None]

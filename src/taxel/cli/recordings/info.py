@@ -15,7 +15,7 @@ from taxel.bundles.envelope import BundleKind, kind_of, unpack
 from taxel.bundles.shipped import find_bundle
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.labels.class_order import in_order
-from taxel.plain_text import visible, visible_names
+from taxel.plain_text import number_of, visible, visible_names
 from taxel.recordings.reader import list_recordings
 from taxel.recordings.summary import summarise
 from taxel.recordings.tally import camera_line
@@ -76,7 +76,8 @@ def _print_recording(row: dict[str, Any]) -> None:
         "scans": f"{row['scans']} in {row['duration_s']:.3f} s",
         "rate": f"{'unknown' if rate is None else f'{rate:.2f}'} scans/s measured, "
         f"{row['sensor']['rate_hz']:g} nominal",
-        "lost": f"{row['lost_scans']} scans at {row['counter_gaps']} places",
+        "lost": f"{number_of(row['lost_scans'], 'scan')} at "
+        f"{number_of(row['counter_gaps'], 'place')}",
         "marks": f"{row['marks']}"
         + "".join(
             f"; {visible(name)}: {_pairs(count)}" for name, count in row["marks_by_label"].items()
@@ -133,8 +134,9 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
     scans = sum(row["scans"] for row in rows)
     seconds = sum(map(_seconds, rows))
     frames = sum(map(_frames, rows))
-    held = f"{scans} scans, {f'{frames} frames, ' if frames else ''}{seconds:.1f} s"
-    say(f"{path}: {len(rows)} recordings, {held}, all checksums valid")
+    parts = [number_of(scans, "scan")] + [number_of(frames, "frame")] * (frames > 0)
+    held = ", ".join([*parts, f"{seconds:.1f} s"])
+    say(f"{path}: {number_of(len(rows), 'recording')}, {held}, all checksums valid")
     for name in sorted({name for row in rows for name in row["labels"]}):
         count = Counter(row["labels"].get(name, "–") for row in rows)
         say(f"label {visible(name)}: {_pairs({value: count[value] for value in in_order(count)})}")

@@ -14,7 +14,7 @@ from taxel.bundles.reader import read_contract
 from taxel.decisions.recognition import RecogniseConfig
 from taxel.decisions.trial_verdict import VerdictConfig
 from taxel.labels.rules import RULES
-from taxel.plain_text import visible
+from taxel.plain_text import number_of, visible
 
 if TYPE_CHECKING:
     from taxel.bundles.trials import TrialContract
@@ -63,8 +63,8 @@ def _array_lines(contract: arrays.Contract) -> dict[str, str]:
     touches = ", after reference touches" if contract.reference is not None else ""
     return {
         "predicts": _classes(contract.target, contract.classes),
-        "from": f"{len(contract.channels)} channels in {visible(units)}, windows of "
-        f"{window.steps} scans at {rate:g} scans/s{touches}",
+        "from": f"{number_of(len(contract.channels), 'channel')} in {visible(units)}, windows of "
+        f"{number_of(window.steps, 'scan')} at {rate:g} scans/s{touches}",
         "model": f"{visible(contract.model)}, {contract.parameters} parameters",
         "says UNKNOWN": _array_unknown(contract),
         "measured": _measured(contract.accuracy, "accuracy, ") + _chance(contract.classes),
@@ -77,8 +77,8 @@ def _grasp_lines(contract: grasp.GraspContract) -> dict[str, str]:
     source = contract.features + (f" ({contract.weights})" if contract.weights else "")
     return {
         "predicts": visible(contract.rule) + (f": {rule.summary}" if rule else ""),
-        "from": f"{contract.cameras} tactile cameras, {contract.width}×{contract.height}, "
-        f"{contract.rate_hz:g} frames/s",
+        "from": f"{number_of(contract.cameras, 'tactile camera')}, "
+        f"{contract.width}×{contract.height}, {contract.rate_hz:g} frames/s",
         "model": f"{visible(source)} + {visible(contract.head)}, {_frames(contract.frames)}",
         "warns": f"from a {kind} of {contract.stability.warn:.3f}, unstable from "
         f"{contract.stability.unstable:.3f}",
@@ -91,9 +91,9 @@ def _grasp_lines(contract: grasp.GraspContract) -> dict[str, str]:
 def _trial_lines(contract: TrialContract) -> dict[str, str]:
     return {
         "predicts": _classes(contract.target, contract.classes),
-        "from": f"camera trials of {contract.cameras} camera(s), {contract.width}×"
-        f"{contract.height}, {contract.rate_hz:g} frames/s; {contract.places} crop(s) of "
-        f"{contract.crop} frame{'s' * (contract.crop > 1)}",
+        "from": f"camera trials of {number_of(contract.cameras, 'camera')}, {contract.width}×"
+        f"{contract.height}, {contract.rate_hz:g} frames/s; "
+        f"{number_of(contract.places, 'crop')} of {number_of(contract.crop, 'frame')}",
         "model": f"a blend of models on {', '.join(map(visible, contract.views))}",
         "says UNKNOWN": _trial_unknown(contract),
         "measured": _measured(contract.measured, where="on trials held out: ")

@@ -13,7 +13,7 @@ from taxel.cli.figure_files import need_figures
 from taxel.cli.options.rules import Only
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import BadInput
-from taxel.plain_text import visible, visible_line
+from taxel.plain_text import number_of, visible, visible_line
 from taxel.recordings.whole import write_whole
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ class Label:
         notes = [*look_alikes("label", (mark.labels for mark in marked.marks)),
                  *look_alikes("group", (mark.groups for mark in marked.marks))]  # fmt: skip
         if marked.replaced:
-            notes.append(f"{marked.replaced} earlier marks are not in the copies")
+            notes.append(f"{number_of(marked.replaced, 'earlier mark')} left out of the copies")
         if marked.left_out:
             names = ", ".join(path.name for path in marked.left_out)
             notes.append(f"left out, without an interval: {names}")
@@ -147,7 +147,8 @@ class Label:
             return
         for note in notes:
             say(note)
-        say(f"{output}: {len(marked.recordings)} recordings, {len(marked.marks)} marks; next:",
+        say(f"{output}: {number_of(len(marked.recordings), 'recording')}, "
+            f"{number_of(len(marked.marks), 'mark')}; next:",
             command("taxel", "info", output))  # fmt: skip
 
     def _asked(self) -> list[str]:
@@ -259,8 +260,10 @@ def _print(sheet: list[PourLabels], rule: str) -> None:
     console.print(table)
     unlabelled = sum(labels.labels(rule) is None for labels in sheet)
     if unlabelled:
-        say(f"{unlabelled} of {len(sheet)} recordings have no physics truth for {rule}: "
-                      "label them with --onset, --frame or --stable")  # fmt: skip
+        say(
+            f"no physics truth for {rule} in {unlabelled} of "
+            f"{number_of(len(sheet), 'recording')}: label them with --onset, --frame or --stable"
+        )
     rows = rule_agreement(sheet)
     person = person_agreement(sheet, rule)
     if person is not None:

@@ -15,6 +15,7 @@ from typing import Any
 
 from taxel.cli.printing import progress, say_aside
 from taxel.errors import BadSource
+from taxel.plain_text import number_of
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.tally import camera_line
 from taxel.recordings.writer import Recorder
@@ -151,16 +152,17 @@ def ledger_line(ledger: dict[str, Any]) -> str:
     rate = ledger["rate_hz"]
     measured = "rate unknown" if rate is None else f"{rate:.1f} scans/s measured"
     parts = [
-        f"{ledger['scans']} scans in {ledger['duration_s']:.2f} s",
+        f"{number_of(ledger['scans'], 'scan')} in {ledger['duration_s']:.2f} s",
         f"{measured} ({ledger['nominal_rate_hz']:g} nominal)",
         f"{ledger['lost_scans']} lost",
-        f"{ledger['unusable_values']} unusable and {ledger['saturated_values']} saturated values",
+        f"{ledger['unusable_values']} unusable and "
+        f"{number_of(ledger['saturated_values'], 'saturated value')}",
     ]
     cameras = ledger.get("cameras", {})
     parts = (parts if ledger["scans"] or not cameras else []) + [
         f"camera {name}: {camera_line(camera)}" for name, camera in cameras.items()
     ]
-    parts += [f"{ledger['marks']} marks", f"{ledger['bytes'] / 1e6:.1f} MB"]
+    parts += [number_of(ledger["marks"], "mark"), f"{ledger['bytes'] / 1e6:.1f} MB"]
     return f"{ledger['recording']}: {', '.join(parts)}, ended: {ledger['ended']}"
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import tyro
 
 from taxel.cli.printing import print_json, progress, say
+from taxel.plain_text import number_of
 from taxel.recordings.recovery import recover
 
 
@@ -42,9 +43,11 @@ class Recover:
             print_json({"recording": str(self.output), **report.as_dict()}, indent=None)
             return
         say(
-            f"{self.output}: {report.scans} scans, {report.frames} frames and {report.marks} marks "
-            f"saved; {report.damaged_stretches} damaged stretches, "
-            f"{report.bytes_skipped} bytes skipped, {report.time_lost_s:.3f} s lost between them"
+            f"{self.output}: {number_of(report.scans, 'scan')}, "
+            f"{number_of(report.frames, 'frame')} and {number_of(report.marks, 'mark')} "
+            f"saved; {number_of(report.damaged_stretches, 'damaged stretch')}, "
+            f"{number_of(report.bytes_skipped, 'byte')} skipped, {report.time_lost_s:.3f} s "
+            "lost between them"
         )
         for note in report.notes:
             say(note)

@@ -20,6 +20,7 @@ from taxel.cli.options.rules import Only
 from taxel.cli.printing import console, print_json, say
 from taxel.cli.recordings.view_cameras import view_cameras
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 from taxel.recordings.whole import write_whole
 from taxel.signals import Samples
 from taxel.sources.contract import Source
@@ -169,7 +170,7 @@ class View:
         if not buffer.scans:
             raise BadInput("a source with scans", f"none from {self.source}", "choose another")
         write_whole(path, touch_figure(buffer, self.source))
-        say(f"{path}: {buffer.scans:,} scans of {buffer.info.name}")
+        say(f"{path}: {number_of(buffer.scans, 'scan', ',')} of {buffer.info.name}")
 
 
 def follow(

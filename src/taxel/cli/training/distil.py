@@ -12,6 +12,7 @@ from rich.progress import Progress as Bar
 from taxel.cli.options.cameras import EngineOptions
 from taxel.cli.printing import command, print_json, progress, say
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 from taxel.recordings.whole import check_place
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ class Distil:
 
     def run(self) -> None:
         """Gather images and answers, train, test and write."""
-        self._check()  # before PyTorch is loaded: a slip of the pen is told at once
+        self._check()  # before PyTorch is loaded: a mistyped option is refused at once
 
         from taxel.models.backbones.weight_files import save_backbone_weights
         from taxel.models.students import begin_student, check_student
@@ -116,7 +117,7 @@ class Distil:
                 altered = agreement(student.module, unseen, plain=False, batch=self.batch)
             student.module.cpu()
         objects = len({video.object for video in learn})
-        seen = f"{len(examples)} images of {objects} objects"
+        seen = f"{number_of(len(examples), 'image')} of {number_of(objects, 'object')}"
         start = student.start
         if any(epoch.norms_kept for epoch in epochs):
             start += ", norms kept, a tenth of the step size"
@@ -215,8 +216,8 @@ class Distil:
         return About(
             origin="taxel distil",
             trained=f"answers of {self.teacher}, {teacher.weights.words}, learned on touch, "
-            f"{seen}, {sides} px, {self.epochs} epoch(s), from {start}; same first answer "
-            f"on {'changed ' if self.copies > 1 else ''}images of unseen objects "
+            f"{seen}, {sides} px, {number_of(self.epochs, 'epoch')}, from {start}; "
+            f"same first answer on {'changed ' if self.copies > 1 else ''}images of unseen objects "
             f"{unseen.words}",
             side_px="" if self.side_px[-1] == usual else str(self.side_px[-1]),
         )

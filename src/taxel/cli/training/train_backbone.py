@@ -25,6 +25,7 @@ from taxel.cli.options.cameras import (
 from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import command, print_json, progress, say
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -172,8 +173,9 @@ class TrainBackbone:
 
         return About(
             origin="taxel train-backbone",
-            trained=f"end to end with {' and '.join(self.head)}, {self.epochs} epochs, "
-            f"{recordings} recordings, rule {self.labels.rule}, from {start.words}",
+            trained=f"end to end with {' and '.join(self.head)}, "
+            f"{number_of(self.epochs, 'epoch')}, {number_of(recordings, 'recording')}, "
+            f"rule {self.labels.rule}, from {start.words}",
             side_px=str(start.side_px or ""),
         )
 
@@ -183,8 +185,9 @@ class TrainBackbone:
                         "processes": done.processes})  # fmt: skip
             return
         say(
-            f"{self.output}: {self.backbone} after {self.epochs} epochs on {done.device}, "
-            f"{done.processes} process(es); loss {', '.join(f'{loss:.3f}' for loss in done.losses)}"
+            f"{self.output}: {self.backbone} after {number_of(self.epochs, 'epoch')} on "
+            f"{done.device}, {number_of(done.processes, 'process')}; loss "
+            f"{', '.join(f'{loss:.3f}' for loss in done.losses)}"
         )
         rule = [] if self.labels.rule == LabelOptions().rule else ["--rule", self.labels.rule]
         frames = [] if self.frames == HeadOptions().frames else ["--frames", self.frames]

@@ -9,6 +9,7 @@ import tyro
 
 from taxel.cli.printing import command, print_json, progress, say
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 from taxel.recordings.whole import check_place, write_whole
 
 _MOST_EPOCHS, _MOST_STEPS = 1000, 1_000_000
@@ -51,7 +52,7 @@ class TrainEncoder:
 
     def run(self) -> None:
         """Read, pretrain and write."""
-        self._check()  # before PyTorch is loaded: a slip of the pen is told at once
+        self._check()  # before PyTorch is loaded: a mistyped option is refused at once
 
         from taxel.models.backbones.weight_files import save_tensors
         from taxel.training.backbones.fine_tuning import KeptEpochs
@@ -96,7 +97,8 @@ class TrainEncoder:
         if self.json:
             print_json(card)
             return
-        say(f"{self.output}: touch after {self.epochs} epochs on {len(videos)} videos; loss "
+        say(f"{self.output}: touch after {number_of(self.epochs, 'epoch')} on "
+            f"{number_of(len(videos), 'video')}; loss "
             f"{', '.join(f'{loss:.3f}' for loss in fitted.losses)}")  # fmt: skip
         say("next: ", command("taxel", "train-monitor", self.folders[0], "--features", "touch",
                               "--weights", self.output, "--output", "grasp.taxel"))  # fmt: skip

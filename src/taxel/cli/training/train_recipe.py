@@ -12,7 +12,7 @@ from taxel.cli.options.arrays import check_run_folder
 from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import command, print_json, progress, say, say_aside
 from taxel.errors import BadInput, RecordingFailed, TaxelError
-from taxel.plain_text import visible_names
+from taxel.plain_text import number_of, visible_names
 
 if TYPE_CHECKING:
     from taxel.decisions.unknown import Unknown
@@ -189,6 +189,6 @@ def _novelty_line(unknown: Unknown) -> str:
     windows = min(len(density.windows) for density in unknown.densities)
     return (
         f"rejects novel touch (UNKNOWN): expected false rejection rate {unknown.rejected:.3g} on "
-        f"known touch, from {windows:,} windows of held-out sessions; higher in sessions unlike "
-        "those"
+        f"known touch, from {number_of(windows, 'window', ',')} of held-out sessions; higher "
+        "in sessions unlike those"
     )

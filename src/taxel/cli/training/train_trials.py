@@ -16,7 +16,7 @@ from taxel.cli.options.rules import Only
 from taxel.cli.options.trials import FOLDS_IN_TURN, TrialOptions
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.held import only_writer
-from taxel.plain_text import visible, visible_names
+from taxel.plain_text import number_of, visible, visible_names
 
 if TYPE_CHECKING:
     from taxel.evaluation.camera_trials.crossval import Difference, TrialResult
@@ -108,7 +108,7 @@ class TrainTrials:
         say(
             f"{output}{replaced}: predicts {visible(trials.target)} ({classes}) from crops of "
             f"{trials.layout.crop} frame{'s' * (trials.layout.crop > 1)}, trained on "
-            f"{about['learned_trials']} trials; bundle {about['bytes']:,} bytes, "
+            f"{number_of(about['learned_trials'], 'trial')}; bundle {about['bytes']:,} bytes, "
             f"equal to training within {about['parity']:.1e}"
         )
         live = command("taxel", "live", output / IN_RUN, self.options.test or self.trials)

@@ -1,6 +1,6 @@
 """Whether a trial is another scaled and offset, with nothing left but rounding.
 
-Asked where trials are too short for their noise to be told from touch. Knows nothing about labels.
+Asked where trials are too short to distinguish their noise from touch. Knows nothing about labels.
 
 Background of our choices: docs/decisions/0023.
 """

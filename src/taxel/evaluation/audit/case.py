@@ -62,7 +62,7 @@ class Reading:
     mended: Callable[[], tuple[float, str]] | None = None
     """What cheap trees still reach once this is tared or cropped away, and a sentence on it."""
     same: bool = False
-    """Whether it is the same in all trials, so that no number of them would make it tell."""
+    """Whether it is the same in all trials, so that more trials would not make it evidence."""
 
     def finding(self, p: float, tests: int = 1) -> Finding:
         """Return the finding, given p after correction for so many tests."""

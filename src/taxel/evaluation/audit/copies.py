@@ -59,7 +59,7 @@ def same_rows(
 
     Coarse values meet by chance: many pairs then share a little and few share much, and longer
     runs are asked for until that is no longer so, up to what nine trials of ten have: None where
-    that is not enough to tell copies and chance apart. Only pairs that are wanted count.
+    that is not enough to distinguish copies from chance. Only pairs that are wanted count.
     """
     return _same_numbers(touch, row_numbers(touch.rows), wanted)
 

@@ -18,7 +18,7 @@ from taxel.evaluation.audit.shared import Partners, looked_up
 from taxel.evaluation.audit.sides import Sides
 from taxel.evaluation.audit.touch_set import SESSIONS, Pieces, TouchSet
 from taxel.labels.trials import OBJECTS
-from taxel.plain_text import several
+from taxel.plain_text import number_of, several
 
 COPIES_UNKNOWN = Finding(
     kind="duplicates", verdict="not checked",
@@ -67,22 +67,23 @@ def shared_copies(
         return _no_copies(kind, what, unseen)
     examples = _examples(touch, pairs, "of the rows in common" if streams else "alike")
     if odd := len(_odd(touch, pairs)):
-        what += f" ({odd} of {len(pairs)} pairs with two different labels)"
+        what += f" ({odd} of {number_of(len(pairs), 'pair')} with two different labels)"
     copies_of = _copies_of(pairs)
     split = case if case.sides is not None else _split_by_trials(case)
     copies = _on_sides(split, copies_of)
     if case.sides is not None and not copies.crossing:
-        return _one_side_note(kind, f"{len(pairs)} pairs of trials {what}", copies.twice, streams,
-                              examples)  # fmt: skip
+        return _one_side_note(kind, f"{number_of(len(pairs), 'pair')} of trials {what}",
+                              copies.twice, streams, examples)  # fmt: skip
     key = joining_group(touch, pairs)
     joins = "" if key is None else f"whole {several(key)}"
     if case.sides is not None:
-        message = f"{len(copies.crossing)} of {copies.tested} tested trials have such a one in " \
-                  f"training: trials {what}."  # fmt: skip
+        share = "shares" if len(copies.crossing) == 1 else "share"
+        message = f"{len(copies.crossing)} of {number_of(copies.tested, 'tested trial')} {share} " \
+                  f"this with a training trial: trials {what}."  # fmt: skip
     else:
         some = f"a split that does not hold out {joins}" if joins else "a split of trials"
-        message = f"{len(pairs)} pairs of trials ({len(copies_of)} of {len(touch)} trials) {what}" \
-                  f": {some} puts them on both sides."  # fmt: skip
+        message = f"{number_of(len(pairs), 'pair')} of trials ({len(copies_of)} of {len(touch)} " \
+                  f"trials) {what}: {some} puts them on both sides."  # fmt: skip
     alone, usual, _, _ = looked_up(split, copies.partners)
     return Finding(
         kind=kind, verdict="hazard" if case.sides is None and joins else "leak", message=message,
@@ -128,8 +129,10 @@ def _one_side_note(
     kind: str, what: str, twice: set[int], streams: bool, examples: tuple[str, ...]
 ) -> Finding:
     """Return the note on copies of which the split puts none on both sides."""
-    where = f"{len(twice)} tested trials count more than once" if twice else (
-        "all of them in training")  # fmt: skip
+    where = "all of them in training"
+    if twice:
+        counts = "counts" if len(twice) == 1 else "count"
+        where = f"{number_of(len(twice), 'tested trial')} {counts} more than once"
     return Finding(
         kind=kind, verdict="note", examples=examples,
         message=f"{what}, each on one side of the split: nothing of a test trial is in its "
@@ -228,8 +231,8 @@ def repeated(touch: TouchSet, pairs: Pairs) -> Finding:
             "so this is not decided." if short else ""  # fmt: skip
     return Finding(
         kind="near-duplicates", verdict="note",
-        message=f"{len(pairs)} pairs of trials are alike but for noise: a machine's repeats of one "
-                f"touch, or copies with noise added.{doubt}",
+        message=f"{number_of(len(pairs), 'pair')} of trials are alike but for noise: a machine's "
+                f"repeats of one touch, or copies with noise added.{doubt}",
         mend="if they are copies, keep one of each; if repeats, say so, and hold out whole objects",
         examples=_examples(touch, pairs, "alike"),
     )  # fmt: skip

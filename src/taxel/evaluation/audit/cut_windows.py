@@ -21,7 +21,7 @@ from taxel.evaluation.audit.touch_set import TouchSet
 Numbers = NDArray[np.uint64]
 BY_CHANCE = 4
 """Trials that go on where others begin must be so many times as frequent as the same among trials
-run backwards, where values are too coarse to tell chance. Source: our choice,
+run backwards, where values are too coarse to exclude chance. Source: our choice,
 docs/decisions/0023."""
 _MANY = 10
 _CHANGING = 0.5

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset, BadTable
 from taxel.evaluation.audit.touch_set import LEAST_ROWS, TouchSet, checked, joined
 from taxel.labels.trials import Trial, trials_of
+from taxel.plain_text import number_of
 from taxel.recordings.imports.footage import open_footage
 from taxel.recordings.imports.importing import import_rows
 from taxel.recordings.imports.known import KNOWN, KNOWN_VIDEOS
@@ -197,8 +198,8 @@ def _array_recording(path: Path) -> _Read:
 def _camera_recording(path: Path, cameras: int) -> _Read:
     recording = read_recording(path)
     if len(recording.manifest.tactile) != cameras:
-        raise BadDataset(f"{cameras} cameras in every recording", f"others in {path.name}",
-                         "put them in folders of their own")  # fmt: skip
+        raise BadDataset(f"{number_of(cameras, 'camera')} in every recording",
+                         f"others in {path.name}", "put them in folders of their own")  # fmt: skip
     rows, times, shown = [], [], [b""] * cameras
     grey = [np.zeros(_SQUARES, np.float32)] * cameras
     for found in frame_sets(path, cameras):
@@ -311,7 +312,7 @@ def _assemble(
     short: list[Trial] = []
     for read in reads:
         if read.rows.shape[1] != len(views):
-            raise BadDataset(f"{len(views)} channels in every recording",
+            raise BadDataset(f"{number_of(len(views), 'channel')} in every recording",
                              f"{read.rows.shape[1]} in {read.name}",
                              "put recordings of different sensors into different folders",
                              )  # fmt: skip
@@ -325,8 +326,8 @@ def _assemble(
     target, notes = _target(trials, target)
     labelled = np.flatnonzero([target in trial.labels for trial in trials])
     notes += _notes_on_lengths(reads, len(short), least, kind)
-    if len(labelled) < len(trials):
-        notes += (f"{len(trials) - len(labelled)} trials lack the label {target!r}: left out",)
+    if lacking := len(trials) - len(labelled):
+        notes += (f"{number_of(lacking, 'trial')} without the label {target!r}: left out",)
     whole = TouchSet(
         kind="camera" if kind == "camera" else "array",
         target=target,
@@ -352,7 +353,7 @@ def _refuse_short(trials: int, short: int, least: int, kind: str) -> None:
     if short and not trials:
         raise BadDataset(
             f"trials of at least {least} {what}, to look for copies, drift and leaks in",
-            f"{short} trials, all shorter",
+            f"{number_of(short, 'trial')}, all shorter",
             "judge single images under splits of their groups: "
             "taxel evaluate-trials --split group:KEY" if kind == "camera" else
             "mend the times of the trials",
@@ -373,12 +374,11 @@ def _notes_on_lengths(reads: Sequence[_Read], short: int, least: int, kind: str)
                   " not checked: length, place, first row, level, windows, copies turned round",
                   )  # fmt: skip
     if short:
-        notes += (f"{short} trials have fewer than {least} {what}: left out",)
-    every = {read.name: read.every for read in reads if read.every > 1}
-    if every:
+        notes += (f"{number_of(short, 'trial')} of fewer than {least} {what}: left out",)
+    if every := {read.name: read.every for read in reads if read.every > 1}:
         rate = " or ".join(map(str, sorted(set(every.values()))))
         notes += (f"more values than are held: one {what[:-1]} of {rate} is seen in {len(every)} "
-                  f"of {len(reads)} recordings; copies that begin between those cannot be found",
+                  f"of {number_of(len(reads), 'recording')}; copies begun between are not found",
                   )  # fmt: skip
     return notes
 

@@ -19,6 +19,7 @@ from taxel.evaluation.audit.evidence import majority
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.touch_set import SESSIONS, TouchSet
 from taxel.foreign.json_text import Fields, read_json
+from taxel.plain_text import number_of
 
 _NEAR = 1e-3
 """Deviations within which an offset or a factor counts as equal. Our choice, decision 23."""
@@ -111,7 +112,8 @@ def _stored(run: Path, touch: TouchSet) -> tuple[Table, Table, str, list[str]]:
         raise BadInput("a run's folder for --run", f"{run}, which holds none",
                        "train one with: taxel train") from error  # fmt: skip
     if offset.shape != (len(touch.views),):
-        raise BadInput(f"a run of {len(touch.views)} channels", f"one of {offset.size} in {run}",
+        raise BadInput(f"a run of {number_of(len(touch.views), 'channel')}",
+                       f"one of {offset.size} in {run}",
                        "name a run of these recordings and of all their channels")  # fmt: skip
     return offset, factor, kind, known
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import OBJECTS, Trial
+from taxel.plain_text import number_of
 from taxel.signals import SensorInfo
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import Dataset
@@ -117,8 +118,9 @@ def joined(first: TouchSet, second: TouchSet) -> TouchSet:
     """
     if (first.kind, first.views) != (second.kind, second.views):
         raise BadDataset(
-            f"the same sensor in both folders ({first.kind}, {len(first.views)} channels)",
-            f"{second.kind}, {len(second.views)} channels in the one to test on",
+            f"the same sensor in both folders ({first.kind}, "
+            f"{number_of(len(first.views), 'channel')})",
+            f"{second.kind}, {number_of(len(second.views), 'channel')} in the one to test on",
             "name recordings of one sensor",
         )  # fmt: skip
     there = {name: f"{TEST_PREFIX}{name}" for name in (*second.every, *second.scans)}

@@ -27,6 +27,7 @@ from taxel.evaluation.camera_trials.probe import (
 )
 from taxel.evaluation.camera_trials.probe_features import network_features
 from taxel.evaluation.camera_trials.sides import TrialSplit
+from taxel.plain_text import number_of
 from taxel.training.camera_trials.learning import Learning
 from taxel.training.encoder.videos import TouchVideo
 
@@ -132,7 +133,7 @@ def few_trials(
         if set(y[chosen].tolist()) == classes:
             return chosen
     raise BadDataset(
-        f"{objects} objects that have every class between them",
-        f"none in {_TRIES} draws from the {len(names)} objects of a training side",
+        f"{number_of(objects, 'object')} with every class between them",
+        f"none in {_TRIES} draws from the {number_of(len(names), 'object')} of a training side",
         "draw more objects, or record the missing class",
     )

@@ -24,7 +24,7 @@ def fingerprints(trials: Sequence[CameraTrial]) -> tuple[str, ...]:
 def trained_on(contract: TrialContract, trials: Sequence[CameraTrial]) -> tuple[str, ...]:
     """Return the names of the trials that a bundle was trained on, sorted.
 
-    Empty for a bundle of before, which does not say what it was trained on.
+    Empty for an older bundle, which does not say what it was trained on.
 
     Raises:
         BadTable: A video cannot be read.

@@ -22,6 +22,7 @@ from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_t
 from taxel.evaluation.shared_values import on_both_sides
 from taxel.evaluation.splits import TrialFold
 from taxel.labels.trials import USUAL_GROUPS
+from taxel.plain_text import number_of
 from taxel.recordings.imports.video_rows import SPLIT, TEST
 from taxel.training.camera_trials.blend import inner_folds
 
@@ -148,7 +149,9 @@ def left_out(split: TrialSplit, trials: int) -> str | None:
     named = {at for fold in split.folds for at in fold.train | fold.test}
     if len(named) == trials:
         return None
-    return f"{trials - len(named)} of {trials} trials stand on no side of {split.name}: left out"
+    left = trials - len(named)
+    stand = "stands" if left == 1 else "stand"
+    return f"{left} of {number_of(trials, 'trial')} {stand} on no side of {split.name}: left out"
 
 
 def trials_to_score(names: Sequence[str], groups: Groups, table: FoldTable) -> list[int]:
@@ -291,11 +294,11 @@ def _folds(
                        )  # fmt: skip
     if not parts:
         own = len(set(values[y == rarest].tolist()))
-        among = f" in {own} {key}{'s' * (own != 1)}" if key else ""
+        among = f" in {number_of(own, key)}" if key else ""
         raise BadSplit(
             f"at least {folds} trials of each class for {folds} folds" if folds > count
             else f"every class in every training part of {folds} folds",
-            f"{count} trials of {name}, the rarest{among}",
+            f"{number_of(count, 'trial')} of {name}, the rarest{among}",
             f"choose a --fold-count of at most {count}, or record more" if folds > count
             else "choose a smaller --fold-count, or record more",
         )  # fmt: skip

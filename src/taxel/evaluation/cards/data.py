@@ -17,6 +17,7 @@ import numpy as np
 from taxel.evaluation.run_scores import is_number
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import Trial
+from taxel.plain_text import number_of
 from taxel.recordings.reader import iterate_blocks, list_recordings
 from taxel.recordings.summary import summarise
 
@@ -128,7 +129,7 @@ def _sensors(rows: list[dict[str, Any]]) -> dict[str, str]:
             measured = [r["rate_hz"] for r in rows if r["channels"] and r["rate_hz"]]
             rate = f"{np.median(measured):.4g} scans/s measured" if measured else "rate unknown"
             found[row["sensor"]["name"]] = (
-                f"{len(row['channels'])} channels in {units}, {rate}, "
+                f"{number_of(len(row['channels']), 'channel')} in {units}, {rate}, "
                 f"{row['sensor']['rate_hz']:g} nominal"
             )
         for camera in row["cameras"]:

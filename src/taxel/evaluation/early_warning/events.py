@@ -30,6 +30,7 @@ from scipy.stats import chi2
 from taxel.decisions.stability import Stability
 from taxel.errors import BadInput
 from taxel.evaluation.intervals import Interval, draw_rows, percentile_interval
+from taxel.plain_text import number_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +62,7 @@ class StateTrack:
         if len(self.states) != len(self.time_s) or len(self.states) < 2:
             raise BadInput(
                 "at least two states, with one time each",
-                f"{len(self.states)} states and {len(self.time_s)} times",
+                f"{number_of(len(self.states), 'state')} and {number_of(len(self.time_s), 'time')}",
                 "give arrays of one length",
             )
 

@@ -17,6 +17,8 @@ from taxel.evaluation.metrics import accuracy_interval, by_trial
 
 CLEAN = "none"
 """Name of the point without any fault."""
+_SINGULAR = {"channels": "channel", "pairs": "pair"}
+"""Units that are counted; others, such as ms, stay."""
 FALL = 0.05
 """Loss of accuracy at which a fault counts as reached, 0…1. Source: docs/decisions/0029."""
 
@@ -273,11 +275,17 @@ def fall_text(points: Sequence[FaultPoint], base: float) -> str:
     unit = points[0].unit
     level = reached(points, base)
     if level is not None:
-        return f"{level:.3g} {unit}"
+        return level_text(level, unit, ".3g")
     silent = [point.level for point in points if np.isnan(point.accuracy)]
     if silent:
-        return f"not before {silent[0]:g} {unit}, where nothing is answered"
-    return f"not up to {points[-1].level:g} {unit}"
+        return f"not before {level_text(silent[0], unit)}, where nothing is answered"
+    return f"not up to {level_text(points[-1].level, unit)}"
+
+
+def level_text(level: float, unit: str, form: str = "g") -> str:
+    """Return a level with its unit: "1 channel", "2 channels", "19.2 dB"."""
+    number = f"{level:{form}}"
+    return f"{number} {_SINGULAR.get(unit, unit) if number == '1' else unit}"
 
 
 def _mean(flags: NDArray[np.bool_]) -> float:

@@ -24,6 +24,7 @@ from taxel.errors import BadDataset
 from taxel.evaluation.robustness.curve import SessionAnswers
 from taxel.labels.joined import joined_label
 from taxel.labels.trials import Trial, trials_of
+from taxel.plain_text import number_of
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Mark, Samples, SensorInfo
@@ -235,7 +236,7 @@ def _level(
     first = _first_touches(cuts, touches)
     if len(first) < touches.count:
         raise BadDataset(
-            f"{touches.count} touches of {touches.key}={touches.value} in each session",
+            f"{number_of(touches.count, 'touch')} of {touches.key}={touches.value} in each session",
             f"{len(first)} in {session}", "record them, or use a bundle that needs none",
         )  # fmt: skip
     values, mask = [], []

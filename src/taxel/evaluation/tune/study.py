@@ -1,7 +1,7 @@
 """One search with Optuna: trials side by side, pruned by fold, kept where they survive a kill.
 
 Every trial is kept in a database by its URL. What a killed search was at is tried again: what it
-had finished stays. With one worker a search that was broken off proposes what an unbroken one
+had finished stays. With one worker a search that was interrupted proposes what an uninterrupted one
 proposes, since each proposal depends on the finished trials and a seed alone. Knows nothing about
 recordings or settings.
 
@@ -27,6 +27,7 @@ from taxel.errors import BadInput, BadSplit, MissingExtra, RecordingFailed
 from taxel.held import only_writer
 from taxel.jobs.call import JobResult
 from taxel.jobs.running import result_of, submit, width
+from taxel.plain_text import number_of
 
 HEARTBEAT_S, GRACE_S = 30, 120
 """A trial's process says that it lives, and is given up after so long a silence, seconds. Source:
@@ -214,7 +215,11 @@ class Store:
         except self._optuna.exceptions.UpdateFinishedTrialError:
             pass  # another process gave it up, since this one was silent for too long
         self._beating.discard(running.trial._trial_id)
-        ended = f"{mean:.4f}" if last else f"{mean:.4f}, pruned after {len(running.scores)} folds"
+        ended = (
+            f"{mean:.4f}"
+            if last
+            else f"{mean:.4f}, pruned after {number_of(len(running.scores), 'fold')}"
+        )
         if stored is None or stored.state != state:
             ended = "given up by another process, since this one was silent for too long"
         on_step(f"{what.name} · trial {running.trial.number + 1} · {ended}")

@@ -1,1 +1,1 @@
-"""How well novel touch and known touch are told apart."""
+"""How well novel touch is distinguished from known touch."""

@@ -1,4 +1,4 @@
-"""How well are the unknown and the known told apart: trained, tested and scored fold by fold.
+"""How well unknown is distinguished from known: trained, tested and scored fold by fold.
 
 Known objects of groups held out, such as sessions, against objects that were never
 learned; trivial scores beside. Knows nothing about screens.

@@ -27,7 +27,7 @@ _WAIT_S = 0.02
 
 @runtime_checkable
 class Gripped(Protocol):
-    """A simulated source whose gripper can be told what to do."""
+    """A simulated source whose gripper takes commands."""
 
     def grip(self, force_n: float) -> None:
         """Hold with a force, newtons."""

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.plain_text import number_of
 from taxel.signals import Frame, Mark, Samples
 
 _SCANS = struct.Struct("<BxxxII")
@@ -58,7 +59,9 @@ def unpack(content: bytes) -> Packet:
     except (
         struct.error, IndexError, TypeError, KeyError, OverflowError, RecursionError
     ) as error:  # fmt: skip
-        raise ValueError(f"needed a packet; got {len(content)} bytes that are none") from error
+        raise ValueError(
+            f"needed a packet; got {number_of(len(content), 'byte')} without one"
+        ) from error
 
 
 def notes_of(contents: Iterable[bytes]) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""The person beside a station: what they are told to do, what they do, what came of each grasp.
+"""The person beside a station: what they are advised to do, what they do, what came of each grasp.
 
 Runs on times passed in. Knows nothing about processes, pages or files.
 

@@ -19,13 +19,14 @@ from typing import Any
 from taxel.live.station.guard import Guard
 from taxel.live.station.packets import notes_of, pack
 from taxel.live.station.ring import RingReader, RingWriter
+from taxel.plain_text import number_of
 from taxel.recordings.part_file import recover_command
 from taxel.recordings.trial_log import GraspTrial, append_trial, log_of
 
 RECORDER = "recorder"
 """Name of its process."""
 NOT_RECORDING = "NOT RECORDING"
-"""First words of what a person is told where a recording fails."""
+"""First words of the warning where a recording fails."""
 _ALARM = "recording"
 _NOTHING: dict[str, Any] = {"on": False, "path": "", "seconds": 0.0, "bytes": 0, "error": ""}
 
@@ -64,7 +65,7 @@ class RecorderLink:
         self._before: dict[str, Any] = {}
         """What a recorder that died said of its last recording, until another records."""
         self._reported = ""
-        """The trouble that a person was told of last."""
+        """The trouble that was reported last."""
         self._heard: list[dict[str, Any]] = []
         self._closing = False
         """True once no process is left that could log a grasp."""
@@ -109,12 +110,12 @@ class RecorderLink:
         self._take_in(now_s)
         self._logged = 0
         if self._asked is not None:
-            self._break_off(self._asked, how, again, now_s)
+            self._interrupt(self._asked, how, again, now_s)
         kept = ("path", "error", "not_written")
         self._before = {key: self.newest[key] for key in kept if key in self.newest}
 
-    def _break_off(self, asked: dict[str, Any], how: str, again: bool, now_s: float) -> None:
-        """Tell what the dead recorder left of the recording under way."""
+    def _interrupt(self, asked: dict[str, Any], how: str, again: bool, now_s: float) -> None:
+        """Report what the dead recorder left of the recording under way."""
         path, text = Path(asked["path"]), "was not begun"
         if self.newest.get("on"):
             path, text = Path(self.newest["path"]), "is not complete"
@@ -214,7 +215,7 @@ class RecorderLink:
         if note.get("error"):
             self._report(str(note["error"]), now_s)
         elif note.get("lost"):
-            text = f"the recorder lost {note['lost']} messages"
+            text = f"the recorder lost {number_of(note['lost'], 'message')}"
             self._guard.trouble(_ALARM, text, now_s)
             if not self._reported:  # the first of them; the alarm counts
                 self._reported = text

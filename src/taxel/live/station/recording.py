@@ -24,6 +24,7 @@ from taxel.live.station.beats import Work
 from taxel.live.station.packets import Packet, pack, unpack
 from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.worker import Place, Pulse, at_work, settle_memory
+from taxel.plain_text import number_of
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.part_file import part_path
 from taxel.recordings.trial_log import append_trial, log_of, trial_of
@@ -237,7 +238,10 @@ class _Desk:
         lost = self._lost() - self._lost_before
         try:
             self._close(
-                recorder, f"{ended}; {lost} messages lost before the recorder" if lost else ended
+                recorder,
+                f"{ended}; {number_of(lost, 'message')} lost before the recorder"
+                if lost
+                else ended,
             )
         except TaxelError as error:
             self._error = str(error)

@@ -11,6 +11,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from taxel.plain_text import number_of
 from taxel.signals import Frame, Samples, Validity
 from taxel.sources.cameras.link import CameraLedger
 from taxel.sources.contract import Source
@@ -101,8 +102,10 @@ class SourceNews:
         }  # fmt: skip
 
     def _notes(self) -> list[str]:
-        """Return what is amiss, and why where the source knows."""
-        notes = [f"{self._unusable} rows with missing values"] if self._unusable else []
+        """Return what is wrong, and why where the source knows."""
+        notes = (
+            [f"{number_of(self._unusable, 'row')} with missing values"] if self._unusable else []
+        )
         if isinstance(self._source, _Cameras):
             notes += [
                 f"{camera.name}: {camera.why}" for camera in self._source.ledgers() if camera.why

@@ -25,6 +25,7 @@ from taxel.errors import BadFile, BadInput, MissingExtra
 from taxel.foreign.files import check_tensors
 from taxel.models.backbones import efficientnet_lite, mobilenet_v2
 from taxel.models.backbones.keras_layers import Normalization
+from taxel.plain_text import number_of
 from taxel.recordings.whole import whole_file
 
 SUFFIXES = (".safetensors", ".h5", ".pth")
@@ -200,14 +201,15 @@ def _read_keras(module: nn.Module, name: str, path: Path) -> Mapping[str, Tensor
         used.add(keras_name)
         if len(parts) != len(layers[keras_name]):
             raise BadInput(
-                f"{len(parts)} arrays in the layer {keras_name} of {name}",
+                f"{number_of(len(parts), 'array')} in the layer {keras_name} of {name}",
                 f"{len(layers[keras_name])} in {path.name}",
                 _MEND,
             )
         for (key, turn), array in zip(parts, layers[keras_name], strict=True):
             if turn and array.dim() != len(turn):
                 raise BadInput(
-                    f"an array of {len(turn)} axes in the layer {keras_name} of {name}",
+                    f"an array of {number_of(len(turn), 'axis')} in the layer {keras_name} of "
+                    f"{name}",
                     f"{array.dim()} in {path.name}",
                     _MEND,
                 )

@@ -63,7 +63,7 @@ def fetch_weights(
         bring: What asks a place; the real registries unless given.
 
     Returns:
-        Where they came from, and a line for each place that was asked in vain.
+        Where they came from, and a line for each place that did not give them.
 
     Raises:
         BadInput: Nothing was published, or no place handed it out as it should be.

@@ -21,6 +21,7 @@ import torch
 from torch import Tensor
 
 from taxel.errors import BadFile
+from taxel.plain_text import number_of
 
 _COUNT = struct.Struct("<q")
 _BYTES = ("BINBYTES", "SHORT_BINBYTES", "BINBYTES8")
@@ -43,7 +44,7 @@ def arrays_in_order(content: bytes, wanted: Mapping[str, Tensor]) -> dict[str, T
     except (ValueError, IndexError, UnicodeDecodeError, struct.error) as error:
         raise BadFile("a pickled network", f"{error}", _MEND) from error
     if len(held) < len(wanted):
-        raise BadFile(f"{len(wanted)} arrays", f"{len(held)}", _MEND)
+        raise BadFile(number_of(len(wanted), "array"), f"{len(held)}", _MEND)
     return {
         name: _array(name, part, tensor)
         for (name, tensor), part in zip(wanted.items(), held, strict=False)
@@ -56,7 +57,9 @@ def _array(name: str, part: bytes, wanted: Tensor) -> Tensor:
     start = len(part) - size
     count = _COUNT.unpack_from(part, start - _COUNT.size)[0] if start >= _COUNT.size else -1
     if count != wanted.numel():
-        raise BadFile(f"{wanted.numel()} numbers for {name}", f"{len(part)} bytes", _MEND)
+        raise BadFile(
+            f"{number_of(wanted.numel(), 'number')} for {name}", number_of(len(part), "byte"), _MEND
+        )
     kind = {torch.float32: "<f4", torch.int64: "<i8"}[wanted.dtype]
     values = np.frombuffer(part, kind, wanted.numel(), start)
     return torch.from_numpy(values.copy()).reshape(wanted.shape)

@@ -23,6 +23,7 @@ from torch import Tensor
 from taxel.errors import BadFile
 from taxel.foreign.files import MIB, in_words, open_file
 from taxel.foreign.json_text import parse_json
+from taxel.plain_text import number_of
 
 _LARGEST = 512 * MIB
 """Bytes that a model may have. Source: our choice; ResNet50's has 98 MiB."""
@@ -100,7 +101,7 @@ def _tensors(entries: list[dict[str, Any]], content: bytes) -> dict[str, Tensor]
         found[entry["name"]] = torch.from_numpy(values.copy())
         place += 4 * count
     if place != len(content):
-        _refuse(f"{len(content):,} bytes for {place:,}")
+        _refuse(f"{number_of(len(content), 'byte', ',')} for {place:,}")
     return found
 
 

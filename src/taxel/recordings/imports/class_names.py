@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from taxel.errors import BadTable
-from taxel.plain_text import visible
+from taxel.plain_text import number_of, visible
 
 MOST_SHOWN = 8
 """Classes in a note. Source: our choice."""
@@ -44,8 +44,8 @@ def named_classes(
         others = {str(number) for number in range(1 - first, 1 - first + len(names))}
         fits = others.issuperset(numbers)
         raise BadTable(
-            f"numbers of classes from {first} to {first + len(names) - 1}, for which there are "
-            f"{len(names)} names",
+            f"numbers of classes from {first} to {first + len(names) - 1}, for "
+            f"{number_of(len(names), 'name')}",
             f"{odd[:80]!r} of trial {numbers.index(odd) + 1} by {cell[:80]!r} in {where}",
             f"write {counted[:80]} if they count from {1 - first}, or name another array" if fits
             else "leave out trials without a class, or name another array",

@@ -26,6 +26,7 @@ from taxel.errors import BadFile, BadSource, BadTable
 from taxel.foreign.files import MIB, open_file, read_bytes
 from taxel.frame_codec import decode_still, still_size
 from taxel.jpeg_head import check_size
+from taxel.plain_text import number_of
 from taxel.raster_head import is_raster
 from taxel.recordings.imports.frame_arrays import ENDING, FrameArray, file_digest
 
@@ -96,7 +97,7 @@ class Video:
         if not self._capture.isOpened() or self.count < 1 or self.rate_hz <= 0:
             raise BadTable(
                 f"a video with frames, an image ({', '.join(IMAGES)}), or a .npy of images",
-                f"{path} of {path.stat().st_size} bytes without any",
+                f"{path} of {number_of(path.stat().st_size, 'byte')} without any",
                 "copy or record it again",
             )
         _refuse_large(path, self.width, self.height)
@@ -121,7 +122,7 @@ class Video:
             read, bgr = self._capture.read()
             if not read:
                 raise BadTable(
-                    f"the {self.count} frames that {self.path} says it has",
+                    f"the {number_of(self.count, 'frame')} that {self.path} says it has",
                     f"{number}: it is cut short, or its rate varies",
                     "copy it again; if it plays to its end, write it anew at one rate: "
                     "ffmpeg -i VIDEO -r RATE NEW",
@@ -135,7 +136,7 @@ class Video:
             _same_size(self, bgr)
             if number == self.count - 1 and self._capture.grab():
                 raise BadTable(
-                    f"the {self.count} frames that {self.path} says it has", "more",
+                    f"the {number_of(self.count, 'frame')} that {self.path} says it has", "more",
                     "write it anew at one rate: ffmpeg -i VIDEO -r RATE NEW",
                 )  # fmt: skip
             yield np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)

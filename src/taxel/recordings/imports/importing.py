@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from taxel.errors import BadTable
-from taxel.plain_text import visible
+from taxel.plain_text import number_of, visible
 from taxel.recordings.imports import tables
 from taxel.recordings.imports.intervals import (
     Interval,
@@ -350,8 +350,8 @@ def _check_shapes(row: ImportRow, table: Table) -> None:
     ):
         raise BadTable(
             "values (n, channels), time_s (n,), one name and one unit a channel",
-            f"{table.values.shape}, {table.time_s.shape}, {len(table.names)} names, "
-            f"{len(table.units)} units for {row.file}",
+            f"{table.values.shape}, {table.time_s.shape}, {number_of(len(table.names), 'name')}, "
+            f"{number_of(len(table.units), 'unit')} for {row.file}",
             f"mend the layout {row.layout}",
         )
 

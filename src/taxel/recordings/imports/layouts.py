@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadFile, BadTable
 from taxel.foreign.files import MIB, read_text
+from taxel.plain_text import number_of
 
 _LARGEST_BYTES = 8 * MIB
 """Of a text that is read as a whole; the longest grasp of the iCub's has 0.1 MB."""
@@ -58,14 +59,14 @@ def read_icub(
     rows = [_numbers(path, i, line) for i, line in enumerate(_lines(path), start=1)][1:]
     if not rows or len(rows) % len(widths):
         raise BadTable(
-            f"steps of {len(widths)} lines after the first line",
-            f"{len(rows)} lines in {path}",
+            f"steps of {number_of(len(widths), 'line')} after the first line",
+            f"{number_of(len(rows), 'line')} in {path}",
             "copy the file again: it is cut short",
         )
     for i, row in enumerate(rows):
         if len(row) != widths[i % len(widths)]:
             raise BadTable(
-                f"{widths[i % len(widths)]} values",
+                number_of(widths[i % len(widths)], "value"),
                 f"{len(row)} in {path}, line {i + 2}",
                 "copy the file again",
             )

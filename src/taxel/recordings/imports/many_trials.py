@@ -14,7 +14,7 @@ from pathlib import Path
 
 from taxel.errors import BadTable
 from taxel.foreign.array_files import ARRAY_ENDINGS, NAMED_ENDINGS
-from taxel.plain_text import visible
+from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.class_names import named_classes, remark_on
 from taxel.recordings.imports.row_labels import columns_by_row
 from taxel.recordings.imports.stacks.members import STAR
@@ -200,7 +200,7 @@ def _wrong_count(row: _Row, name: str, ref: Reference | None, found: int, trials
             line_1 = f"line 1 of the file, {above[:80]!r}"
             got += f", where {line_1}, is taken for the column's name"
             mend = f"if it is the first trial's value, write a name above it; or {mend}"
-    return BadTable(f"a value for each of {trials} trials", got, mend)
+    return BadTable(f"a value for each of {number_of(trials, 'trial')}", got, mend)
 
 
 def refuse_words_of_many(named: Mapping[str, str], where: str) -> None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from taxel.errors import BadTable
-from taxel.plain_text import visible
+from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.name_patterns import HIDDEN, FilePattern, NamePattern, pattern_of
 from taxel.recordings.imports.spelling import by_numbers, composed
 from taxel.recordings.imports.table_files import file_of
@@ -136,7 +136,8 @@ def _lines(line: TableLine, matches: Sequence[_Found]) -> list[TableLine]:
         f"{line.where}: {count}, the first is {visible(first.path)}{_shown_values(first.values)}"
     )
     doubts = [
-        f"{line.where}: {len(twofold)} of {len(matches)} names can be read in two ways; the first, "
+        f"{line.where}: {len(twofold)} of {number_of(len(matches), 'name')} can be read in "
+        "two ways; the first, "
         f"{visible(file.path)}, was taken as{_shown_values(file.values, '')}, not"
         f"{_shown_values(file.others, '')}; write more of the name into the pattern, or "
         "rename the files"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.plain_text import visible
+from taxel.plain_text import number_of, visible
 
 GAP_STEPS = 2.0
 """Median steps beyond which a step is a gap: a scan was lost even where times jitter. Source: our
@@ -130,7 +130,7 @@ def lying_of(rows: int, channels: int) -> str:
     """Return how an array was read, if it is far wider than long: its rows may be its channels."""
     if channels <= LYING * rows:
         return ""
-    return f"{rows} {'scan' if rows == 1 else 'scans'} of {channels} channels"
+    return f"{number_of(rows, 'scan')} of {number_of(channels, 'channel')}"
 
 
 def notes_of(files: Sequence[FileFacts]) -> list[str]:
@@ -179,14 +179,15 @@ def _paddings(files: Sequence[FileFacts], of: int) -> list[str]:
     if not files:
         return []
     most = max(files, key=lambda facts: facts.padding)
+    end = "ends before its" if len(files) == 1 else "end before their"
     return [
-        f"{len(files)} of {of} trials end before their array does: rows of NaN at the end were "
+        f"{len(files)} of {number_of(of, 'trial')} {end} array does: rows of NaN at the end were "
         f"taken as padding and cut, at most {most.padding} ({most.file}); --missing keep keeps them"
     ]
 
 
 def _zeros(files: Sequence[FileFacts], of: int) -> list[str]:
-    """Return a line on rows of zeros where enough trials end in them; length would tell classes."""
+    """Return a line on zeros at the end of enough trials; length may predict classes."""
     if len(files) < max(2, OFTEN * of):
         return []
     most = max(files, key=lambda facts: facts.zeros)

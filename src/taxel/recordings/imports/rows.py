@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from taxel.errors import BadTable
-from taxel.plain_text import visible
+from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.header import PLAIN_COLUMNS, PREFIXES, check_header, table_cells
 from taxel.recordings.imports.intervals import stem_of
 from taxel.recordings.imports.many_trials import holds_many, refuse_words_of_many, trials_of
@@ -124,8 +124,10 @@ def _noted(lines: Sequence[TableLine], table: Path) -> list[TableLine]:
             raise _nothing_in(column, f"any line of {table}")
         if not empty:
             continue
+        have = "has" if len(empty) == 1 else "have"
         note = (
-            f"{len(empty)} of {len(lines)} files have no {visible(column)}, the first is "
+            f"{len(empty)} of {number_of(len(lines), 'file')} {have} no {visible(column)}, "
+            f"the first is "
             f"{visible(lines[empty[0]].cells['file'])}: left out where it is to be predicted"
         )
         for n in empty:

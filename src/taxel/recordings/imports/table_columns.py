@@ -22,6 +22,7 @@ from taxel.errors import BadFile, BadTable
 from taxel.foreign.archives import LONGEST_START, read_head
 from taxel.foreign.files import MIB, open_file, refuse_larger, size_of
 from taxel.foreign.text_lines import lines_of
+from taxel.plain_text import number_of
 from taxel.recordings.imports.table_form import (
     DecimalSign,
     TableForm,
@@ -85,7 +86,11 @@ def text_columns(
     """
     form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted, beside)
     names = form.names
-    what = f"a header with {_some(names)}" if form.named else f"{len(names)} columns, no header"
+    what = (
+        f"a header with {_some(names)}"
+        if form.named
+        else f"{number_of(len(names), 'column')}, no header"
+    )
     where = _places(path, names, wanted, what)
     sign = DecimalSign(path, form.separator)
     stamped = where[wanted.index(stamps)] if stamps else -1
@@ -122,7 +127,9 @@ def text_cells(
         BadTable: As `text_columns`, some of it only when the rows are taken.
     """
     form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted, beside)
-    what = f"a header with {_some(form.names)}" if form.named else f"{len(form.names)} columns"
+    what = (
+        f"a header with {_some(form.names)}" if form.named else number_of(len(form.names), "column")
+    )
     where = _places(path, form.names, wanted, what)
     rows = rows_of(path, below, form)
     return form.first_line, ([row[place].strip() for place in where] for row in rows)

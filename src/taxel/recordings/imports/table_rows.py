@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from taxel.errors import BadTable
+from taxel.plain_text import number_of
 from taxel.recordings.imports.table_form import TableForm, cells_of
 
 
@@ -60,7 +61,7 @@ def _ragged(path: Path, form: TableForm, count: int, number: int) -> BadTable:
     if form.spare:
         behind = "a separator" if form.spare == 1 else f"{form.spare} separators"
         return BadTable(
-            f"{names} cells and {behind} behind them in every line, as in line "
+            f"{number_of(names, 'cell')} and {behind} behind them in every line, as in line "
             f"{form.first_line}", got, "write all lines alike",
         )  # fmt: skip
     if not count:
@@ -73,4 +74,4 @@ def _ragged(path: Path, form: TableForm, count: int, number: int) -> BadTable:
     else:
         got += f", where line {form.first_line} has {names}"
         mend = "put a line of names above, one for each column, or write all lines alike"
-    return BadTable(f"{names} cells in every line", got, mend)
+    return BadTable(f"{number_of(names, 'cell')} in every line", got, mend)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from taxel.errors import BadTable
-from taxel.plain_text import visible
+from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.table_columns import text_cells, text_names
 from taxel.recordings.imports.table_form import column_places, header_names, is_whole
 from taxel.recordings.imports.tables import (
@@ -165,7 +165,8 @@ class LineTrials:
             return found
         if count % scans:
             raise BadTable(
-                f"columns for {scans} scans in each line of {self._path}", f"{count} columns",
+                f"columns for {number_of(scans, 'scan')} in each line of {self._path}",
+                number_of(count, "column"),
                 "name the channels' columns only, or correct the number of rows in 'axes'",
             )  # fmt: skip
         width = count // scans

@@ -14,6 +14,7 @@ from typing import Any, Self
 
 from taxel.clock import Clock
 from taxel.errors import BadSource
+from taxel.plain_text import number_of
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sources.boards.csv_lines import CsvStream, numbers_of
 from taxel.sources.boards.merge import WAIT_S, BoardMerge
@@ -246,7 +247,9 @@ class SerialBoards:
                     "leave rate_hz out, or choose a rate that its firmware can do",
                 )
             if hello is not None:
-                got = f"one of protocol {hello.protocol} with {hello.channels} channels"
+                got = (
+                    f"one of protocol {hello.protocol} with {number_of(hello.channels, 'channel')}"
+                )
                 return BadSource(
                     f"a hello of protocol {PROTOCOL} with channels from {port.path}",
                     got,
@@ -254,7 +257,11 @@ class SerialBoards:
                 )
             if any(numbers_of(line.strip()) for line in heard.split(b"\n")[1:-1]):
                 mend = "it prints numbers: add format=csv to the address"
-        got = "nothing" if not heard else f"{len(heard)} bytes that are none, {heard[:24]!r} …"
+        got = (
+            "nothing"
+            if not heard
+            else f"{number_of(len(heard), 'byte')} without one, {heard[:24]!r} …"
+        )
         return BadSource(needed, got, mend)
 
     def _set_rate(self, rate_hz: int) -> None:
@@ -282,7 +289,9 @@ class SerialBoards:
         width = sum(self._width(stream) for stream in self._streams)
         if len(channels) != width:
             raise BadSource(
-                f"a name for each of {width} channels", f"{len(channels)} names", "mend channels="
+                f"a name for each of {number_of(width, 'channel')}",
+                number_of(len(channels), "name"),
+                "mend channels=",
             )
         tops = [_top_v(stream) for stream in self._streams if isinstance(stream, BoardStream)]
         return SensorInfo(

@@ -19,6 +19,7 @@ from typing import Self
 
 from taxel.clock import Clock
 from taxel.errors import BadSource
+from taxel.plain_text import number_of
 from taxel.recordings.manifest import NO_ARRAY
 from taxel.signals import FOUND, GRASPS, CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sources.cameras.capture import CameraGiven, CameraRequest, CaptureFactory
@@ -196,7 +197,7 @@ def _names(text: str | None, count: int) -> tuple[str, ...]:
     names = tuple(part.strip() for part in text.split(","))
     sound = all(name and name.replace("-", "").replace("_", "").isalnum() for name in names)
     if len(names) != count or len(set(names)) < count or not sound:
-        raise _bad("names", f"{count} different words joined by commas", text)
+        raise _bad("names", f"{number_of(count, 'different word')} joined by commas", text)
     return names
 
 

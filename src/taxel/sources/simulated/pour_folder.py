@@ -1,7 +1,7 @@
 """A set of simulated pours: a folder with one recording a run, made side by side.
 
 Recordings are made in OUTPUT.unfinished, each with its row beside it once it is whole; the folder
-takes its name when all are there. A set that was broken off goes on where it was. Knows nothing
+takes its name when all are there. A set that was interrupted continues where it was. Knows nothing
 about how a pour is simulated.
 
 Source: docs/decisions/0050.

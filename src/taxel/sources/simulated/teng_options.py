@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from taxel.errors import BadInput, BadSource
+from taxel.plain_text import number_of
 from taxel.sim.teng.constants import MATERIALS, SHAPES
 from taxel.sim.teng.hand import TengHandConfig
 from taxel.sim.teng.unknown_objects import UNKNOWN_MATERIALS, UNKNOWN_SHAPES
@@ -103,7 +104,9 @@ def checked_config(**settings: Any) -> TengHandConfig:
     scans = len(config.shapes) * config.scans_per_class
     if config.preset == "honest" and scans < config.sessions:
         raise BadInput(
-            f"a scan for each of {config.sessions} sessions", f"{scans}", "simulate more a class"
+            f"a scan for each of {number_of(config.sessions, 'session')}",
+            f"{scans}",
+            "simulate more a class",
         )
     return config
 

@@ -29,6 +29,7 @@ from taxel.bundles.contract import learned_too
 from taxel.errors import BadDataset, BadInput
 from taxel.models.catalogue import WITH_STATISTICS, count_parameters
 from taxel.models.with_statistics import WithStatistics
+from taxel.plain_text import number_of
 from taxel.training.exemplars import Exemplars, thin_out
 from taxel.training.run import Run
 from taxel.windows.windower import Windows
@@ -328,6 +329,7 @@ def _check(run: Run, windows: Windows) -> None:
     shape = (run.contract.window.steps, len(run.contract.channels))
     if windows.values.shape[1:] != shape:
         raise BadDataset(
-            f"windows of {shape[0]} rows of {shape[1]} channels", f"{windows.values.shape[1:]}",
+            f"windows of {number_of(shape[0], 'row')} of {number_of(shape[1], 'channel')}",
+            f"{windows.values.shape[1:]}",
             "cut them with the run's own window",
         )  # fmt: skip

@@ -25,7 +25,7 @@ from taxel.recordings.reader import list_recordings, read_manifest, read_recordi
 from taxel.windows.windower import Windows
 
 _DIGEST_LETTERS = 12
-"""So many characters of a digest tell data apart: one chance in 10^14."""
+"""Characters of a digest that identify data: one chance in 10^14 of a collision."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,6 +22,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from taxel.models.torch_engine import enough_memory, in_numbers
+from taxel.plain_text import number_of
 from taxel.training.backbones.fine_tuning import KeptEpochs
 from taxel.training.backbones.pace import check_gradient, pace
 from taxel.training.backbones.transfer_set import TransferSet
@@ -109,7 +110,10 @@ class Agreement:
     @property
     def words(self) -> str:
         """In a few words, such as "0.84 of 300 images (commonest answer 0.41)"."""
-        return f"{self.share:.3f} of {self.images} images (commonest answer {self.commonest:.3f})"
+        return (
+            f"{self.share:.3f} of {number_of(self.images, 'image')} (commonest answer "
+            f"{self.commonest:.3f})"
+        )
 
 
 @enough_memory()
@@ -128,7 +132,7 @@ def distil(
         network: Images (n, 3, h, w) → logits (n, 1000); its top is called `predictions`.
         examples: What to learn from.
         config: How.
-        kept: Where a run that is broken off goes on from; None keeps nothing.
+        kept: Where a run that is interrupted continues from; None keeps nothing.
         on_step: Called with the step's number, how many there are and its loss.
         on_fit: Called before the first epoch with the images that the top was fitted to so far,
             and how many there are.

@@ -85,7 +85,7 @@ class FineTuneConfig:
     seed: int = 0
     """Seed of the order."""
     kept: KeptEpochs | None = None
-    """Where a run that is broken off goes on from; None keeps nothing."""
+    """Where a run that is interrupted continues from; None keeps nothing."""
 
 
 @dataclass(frozen=True, slots=True)

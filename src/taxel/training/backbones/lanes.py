@@ -25,6 +25,7 @@ from torch import Tensor
 
 from taxel.errors import BadDataset, BadInput
 from taxel.frame_codec import decode_jpeg
+from taxel.plain_text import number_of
 from taxel.side_by_side import SideBySide
 from taxel.signals import CameraInfo
 from taxel.windows.camera_recordings import CameraRecording, frame_sets
@@ -161,8 +162,9 @@ class Lanes:
         used."""
         if not self.share:
             raise BadDataset(
-                f"at least {count} stretches of {frames} frames or more, one for every {EVERY}",
-                f"{sum(self._each)} in {len(pours)} recording(s)",
+                f"at least {number_of(count, 'stretch')} of {number_of(frames, 'frame')} or "
+                f"more, one for every {EVERY}",
+                f"{sum(self._each)} in {number_of(len(pours), 'recording')}",
                 "give more recordings, or choose a smaller --batch",
             )
         self._beside = SideBySide(decoders)

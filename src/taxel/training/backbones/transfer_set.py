@@ -1,7 +1,7 @@
 """The transfer set of a distillation: images, changed copies of them, and a teacher's answers.
 
 Copies are drawn once, so that the teacher answers once; its answers are kept in the cache by the
-images' contents, and a call that was broken off goes on there. Images at the student's size lie in
+images' contents, and an interrupted call continues there. Images at the student's size lie in
 a file without a name, not in memory. Knows nothing about the student.
 
 Background of our choices: docs/decisions/0057.

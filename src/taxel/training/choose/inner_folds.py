@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
 from taxel.labels.trials import TIME, USUAL_GROUPS, Trial, as_numbers, group_value
-from taxel.plain_text import several
+from taxel.plain_text import number_of, several
 
 FOLDS = 5
 """Inner folds of successive trials. Source: our choice, 0039."""
@@ -149,7 +149,7 @@ def inner_folds(
     if (counts >= 2).sum() < 2:
         raise BadSplit(
             "at least two training trials of two classes, to learn from and to choose on",
-            f"{len(trained)} trials", "record more of them",
+            number_of(len(trained), "trial"), "record more of them",
         )  # fmt: skip
     if held.key is not None:
         if held.ordered:  # what lacks the number comes last

@@ -96,7 +96,7 @@ class NetworkFolds:
             spent: Seconds that it took.
 
         Raises:
-            _OutOfTimeError: It was broken off.
+            _OutOfTimeError: It was stopped.
         """
         with self._lock:
             if FIRST_LOOK <= share < 1.0 and not self._done and not self._must:

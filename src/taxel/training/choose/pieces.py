@@ -2,7 +2,7 @@
 networks.
 
 PyTorch's own times would not do: it takes thirteen times as long as the engine for a network's many
-small steps, and three times for features, so that the network would always seem to be the dearest.
+small steps, and three times for features, so that the network would always seem the slowest.
 Knows nothing about limits, or about what is given up to keep to them.
 
 Source: docs/decisions/0039.
@@ -106,7 +106,7 @@ class Pieces:
     def us(self, choice: Choice, prepared: Prepared, heads: Heads) -> float:
         """Return about how many microseconds a choice takes for one window, for comparison.
 
-        Linear heads take next to nothing. A forest that was not fitted takes as long as the dearest
+        Linear heads take next to nothing. A forest that was not fitted takes as long as the slowest
         that was.
 
         Args:

@@ -20,6 +20,7 @@ from taxel.errors import BadDataset
 from taxel.labels.joined import with_joined_label
 from taxel.labels.trials import Trial
 from taxel.models.touch_features import compute_features, pads_of
+from taxel.plain_text import number_of
 from taxel.sim.teng.constants import SENSORS
 from taxel.windows.config import GATE_V, WindowConfig
 from taxel.windows.dataset import Dataset, load_dataset
@@ -120,7 +121,7 @@ class Prepared:
     def name(self) -> str:
         """Return it in words."""
         steps, gate = self.config.steps, self.config.gate
-        rows = "1 row" if steps == 1 else f"{steps} rows"
+        rows = number_of(steps, "row")
         gated = f" above {gate:g}" if gate is not None else ""
         return f"{rows}{gated}{', padded' if self.dataset.windows.padded else ''}"
 
@@ -183,8 +184,9 @@ def _without_a_row(whole: Dataset, usable: Dataset, target: str) -> tuple[str, .
             if target in own.labels and (own.recording, own.start_s) not in known]  # fmt: skip
     if not lost:
         return ()
+    are = "is" if len(lost) == 1 else "are"
     return (
-        f"{len(lost)} of {len(known) + len(lost)} trials are left out, such as "
+        f"{len(lost)} of {number_of(len(known) + len(lost), 'trial')} {are} left out, such as "
         f"{lost[0].groups['trial']}: in none of their rows has every channel a fresh value",
     )
 
@@ -286,9 +288,10 @@ def live_note(base: Base, config: WindowConfig) -> tuple[str, ...]:
     if decided == len(base.rows):
         return ()
     return (
-        f"windows of {config.steps} rows were placed at each trial's start; live they follow one "
-        f"another, so that about {decided} of {len(base.rows)} such trials hold a whole one: "
-        "begin a recording where a trial begins, or mark longer trials",
+        f"windows of {number_of(config.steps, 'row')} were placed at each trial's start; live "
+        "they follow one "
+        f"another, so that about {decided} of {number_of(len(base.rows), 'such trial')} hold "
+        "a whole one: begin a recording where a trial begins, or mark longer trials",
     )
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from taxel.decisions.joining import Joining
 from taxel.errors import BadSplit
+from taxel.plain_text import number_of
 from taxel.training.choose.blending import (
     LEAST,
     doubted,
@@ -126,7 +127,7 @@ def _judged_parts(
     if not found:
         raise BadSplit(
             "windows in two training trials of two classes, to learn from and to choose on",
-            f"none in {len(train)} trials, however they are cut",
+            f"none in {number_of(len(train), 'trial')}, however they are cut",
             "record more of them, or longer ones",
         )
     return found

@@ -1,6 +1,6 @@
 """Pretrain the touch encoder: pairs of images of one video, a checkpoint each epoch.
 
-A run that is broken off goes on from its last whole epoch with the numbers that an unbroken one
+An interrupted run continues from its last whole epoch with the numbers that an uninterrupted one
 gives: what an epoch draws depends on the seed and its number alone. Knows nothing about cards,
 labels or probes.
 
@@ -75,7 +75,7 @@ def fit_encoder(
         videos: What it may see; each folder is drawn from as often, whatever its size.
         config: How.
         start: An encoder's tensors to begin with; drawn anew unless given.
-        kept: Where a run that is broken off goes on from; None keeps nothing.
+        kept: Where a run that is interrupted continues from; None keeps nothing.
         on_step: Called with the step's number, how many there are and its loss.
 
     Raises:

@@ -1,9 +1,9 @@
-"""The touch encoder with what it is pretrained to do, and the loss.
+"""The touch encoder with its pretraining tasks, and the loss.
 
-Three things at once: the difference of two images' features predicts, linearly, how each place
-moved and brightened; its absolute values, linearly, how much (in simulation also how far the object
-slipped); features stay spread and uncorrelated (VICReg), and one image's tell what it looks like.
-Knows nothing about files.
+Four tasks at once. The difference of two images' features predicts, linearly, how each place moved
+and brightened. The absolute values of that difference predict, linearly, how much (in simulation
+also how far the object slipped). The features of one image predict what it looks like. All features
+stay spread and uncorrelated (VICReg). Knows nothing about files.
 
 Source: variance and covariance terms as in Bardes, Ponce and LeCun, "VICReg", ICLR 2022; the rest
 is ours, docs/decisions/0058.
@@ -41,7 +41,7 @@ class Targets:
 
 
 class Pretext(nn.Module):
-    """The encoder and the layers behind it that are thrown away afterwards.
+    """The encoder and its prediction layers, which are discarded after pretraining.
 
     Args:
         bf16: The encoder runs in 16 bits (bfloat16), the layers behind it in 32.

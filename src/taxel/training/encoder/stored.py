@@ -20,6 +20,7 @@ from taxel.models.backbones.weight_files import backbone_tensors, load_backbone_
 from taxel.models.export_onnx import export_backbone
 from taxel.models.published.about import About
 from taxel.models.weights import shipped_weights
+from taxel.plain_text import number_of
 from taxel.training.encoder.fit import EncoderConfig
 from taxel.training.encoder.videos import TouchVideo
 
@@ -107,6 +108,7 @@ def halved(
     about = About(
         origin="taxel train-encoder",
         licence="as taxel",
-        trained=f"without labels, {config.epochs} epochs, {len(videos)} videos of {folders}",
+        trained=f"without labels, {number_of(config.epochs, 'epoch')}, "
+        f"{number_of(len(videos), 'video')} of {folders}",
     )
     return StoredEncoder(tensors, about)

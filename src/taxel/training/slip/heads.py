@@ -59,7 +59,7 @@ _BOOSTING: Final[dict[str, Any]] = {
 """Of both kinds of trees. Source: docs/decisions/0036."""
 _PENALTY_C: Final = 0.3
 _FORECAST_UM: Final = (20.0, 1000.0)
-"""Slips that a forecast tells apart, micrometres: below is noise, above all is lost."""
+"""Range of slip that a forecast resolves, micrometres: below is noise, above all is lost."""
 _STEEPNESS: Final = 4.0
 """By how much a forecast's logit grows as the slip grows e-fold. Source: our choice: 0.6 mm, twice
 gross slip, gives 0.94."""

@@ -1,6 +1,6 @@
 """Figures of touch and of results, as PNG bytes.
 
-Colours are told apart by colour-blind readers and in grey print. Knows nothing
+Colours can be distinguished by colour-blind readers and in grey print. Knows nothing
 about pages, files or how results were made.
 """
 

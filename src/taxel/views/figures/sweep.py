@@ -1,6 +1,6 @@
 """Robustness curves as one figure: a panel a fault, accuracy with its interval, share answered.
 
-Colours are told apart by colour-blind readers and in grey print. Knows nothing about how the
+Colours can be distinguished by colour-blind readers and in grey print. Knows nothing about how the
 curves were measured.
 """
 

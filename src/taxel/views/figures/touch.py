@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from taxel.plain_text import short_names
+from taxel.plain_text import number_of, short_names
 from taxel.plotting import drawn_name, plt
 from taxel.signals import Samples, Validity
 from taxel.views.terminal import array_grid, hand_fingers, share_of, short_number
@@ -128,7 +128,9 @@ def _draw_image(
     image = shares[first::every][:_IMAGE_ROWS]
     picture = axes.imshow(image, cmap=_grey_where_bad(), vmin=0, vmax=1, aspect="auto")
     span = f" ({len(image) * every / rate_hz:.2g} s)" if rate_hz > 0 else ""
-    axes.set_title(f"{len(image)} rows{span} around it, oldest on top", fontsize=9, loc="left")
+    axes.set_title(
+        f"{number_of(len(image), 'row')}{span} around it, oldest on top", fontsize=9, loc="left"
+    )
     axes.set_xlabel("sensor", fontsize=8)
     axes.set_ylabel("row", fontsize=8)
     axes.set_yticks(range(0, len(image), 3))
@@ -143,10 +145,12 @@ def _strongest(shares: NDArray[np.float32]) -> int:
 
 def _facts(kept: Samples, buffer: TraceBuffer) -> str:
     rate_hz = measured_rate_hz(kept)
-    flags = ", ".join(f"{name} in {count:,} scans" for name, count in buffer.flags.items())
+    flags = ", ".join(
+        f"{name} in {number_of(count, 'scan', ',')}" for name, count in buffer.flags.items()
+    )
     return (
-        f"{len(kept):,} scans, {rate_hz:.1f} scans/s measured ({buffer.info.rate_hz:g} nominal), "
-        f"{buffer.lost:,} lost, {flags or 'all values good'}"
+        f"{number_of(len(kept), 'scan', ',')}, {rate_hz:.1f} scans/s measured "
+        f"({buffer.info.rate_hz:g} nominal), {buffer.lost:,} lost, {flags or 'all values good'}"
     )
 
 

@@ -19,6 +19,7 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 
 LEAST_TOKEN = 16
 """Characters of a token that is given instead of drawn."""
@@ -51,7 +52,7 @@ class Pass:
         if token is not None and not (len(token) >= LEAST_TOKEN and token.isascii()):
             raise BadInput(
                 f"a token of at least {LEAST_TOKEN} ASCII characters",
-                f"{len(token)} characters",
+                number_of(len(token), "character"),
                 "leave it out: one is drawn",
             )
         self.token = token or secrets.token_urlsafe(32)

@@ -1,4 +1,4 @@
-"""An audit as part of a page: its verdict, each alarm and note, and what was looked for in vain.
+"""An audit as part of a page: its verdict, each alarm and note, and what was not found.
 
 Knows nothing about how leaks are found.
 """
@@ -10,6 +10,7 @@ from typing import Any
 
 from taxel.errors import BadInput
 from taxel.evaluation.audit.finding import MEANING, Audit, Finding
+from taxel.plain_text import number_of
 from taxel.views.report.page import Html, join, percent, split_name, table, tag
 from taxel.views.tables.audit import chance, legend
 
@@ -29,7 +30,8 @@ def audit_part(audit: Audit) -> Html:
             "p",
             join(
                 [
-                    f"{audit.data}: {sum(audit.classes.values())} trials, label {audit.target}",
+                    f"{audit.data}: {number_of(sum(audit.classes.values()), 'trial')}, label "
+                    f"{audit.target}",
                     join([", split: ", split_name(audit.split)]) if audit.split else "",
                     ".",
                 ]

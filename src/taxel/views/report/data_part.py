@@ -9,6 +9,7 @@ import numpy as np
 
 from taxel.evaluation.cards.data import DataCard, trial_counts
 from taxel.evaluation.run_scores import split_groups
+from taxel.plain_text import number_of
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
 from taxel.views.report.charts import strip
@@ -62,7 +63,11 @@ def card_of_run(run: Run) -> Html:
     units = ", ".join(sorted(set(contract.units)))
     rows: list[tuple[object, object]] = [
         ("recordings", f"not at hand ({run.data}): only what the run kept is shown"),
-        ("sensor", f"{len(contract.channels)} channels in {units}, {contract.rate_hz:g} scans/s"),
+        (
+            "sensor",
+            f"{number_of(len(contract.channels), 'channel')} in {units}, {contract.rate_hz:g} "
+            "scans/s",
+        ),
     ]
     if found is not None:
         hours = sum(trial.duration_s for trial in found.trials) / 3600.0
@@ -93,7 +98,10 @@ def drawn_split(predictions: Predictions) -> Html:
             ),
         ]
     )
-    tested = f"{len(predictions):,} test windows in {len(set(predictions.trial.tolist()))} trials."
+    tested = (
+        f"{number_of(len(predictions), 'test window', ',')} in "
+        f"{number_of(len(set(predictions.trial.tolist())), 'trial')}."
+    )
     parts: list[object] = [
         tag("h3", split_name(predictions.split)),
         tag("p", f"{len(predictions.folds)} fold{'s' * (len(predictions.folds) > 1)}, {tested}"),
@@ -161,7 +169,8 @@ def _used(run: Run) -> list[tuple[object, object]]:
     rows: list[tuple[object, object]] = [
         (
             "windows",
-            f"{window.steps} rows × {len(contract.channels)} channels, stride {window.stride}, "
+            f"{number_of(window.steps, 'row')} × "
+            f"{number_of(len(contract.channels), 'channel')}, stride {window.stride}, "
             f"{grid}, {gate}",
         )
     ]

@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from taxel.evaluation.cards.reaction_times import KINDS, ReactionTimes, reaction_times
+from taxel.plain_text import number_of
 from taxel.recordings.trial_log import OUTCOMES, GraspTrial
 from taxel.views.report.charts import Axis, Line, line_chart
 from taxel.views.report.page import Html, figure, join, number, percent, table, tag, tiles
@@ -49,7 +50,7 @@ def _figures(found: ReactionTimes) -> list[tuple[str, str]]:
     share = found.reacted / found.warned if found.warned else math.nan
     return [
         (f"{number(found.median_s, 2)} s", "median reaction time"),
-        (percent(share, 0), f"of {found.warned} alarms with a reaction after it"),
+        (percent(share, 0), f"of {number_of(found.warned, 'alarm')} with a reaction after it"),
         (str(found.before), "reactions before the alarm"),
         (str(found.grasps), "grasps"),
     ]

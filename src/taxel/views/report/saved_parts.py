@@ -13,6 +13,7 @@ from typing import Any
 
 from taxel.errors import BadInput
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, ROWS
+from taxel.plain_text import number_of
 from taxel.training.curves import curves_from_json
 from taxel.views.report.amounts_part import amounts_part
 from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart
@@ -195,7 +196,7 @@ def _warnings(rows: Sequence[Row]) -> Html:
             "p",
             "Warnings before the event, cups never seen. A lead below 0 came too late; false "
             "alarms are counted in runs that hold. Intervals: whole cups resampled "
-            f"({rows[0]['events']['clusters']} cups); false alarms: exact Poisson.",
+            f"({number_of(rows[0]['events']['clusters'], 'cup')}); false alarms: exact Poisson.",
         ),
         table(head, cells),
     ]
@@ -233,8 +234,9 @@ def _trials(data: Row) -> Html:
         [
             tag(
                 "p",
-                f"{data['trials']} trials, {data['crops_a_trial']} crops of {data['crop']} frames "
-                f"each; {data['split']}, {data['folds']} folds.",
+                f"{number_of(data['trials'], 'trial')}, "
+                f"{number_of(data['crops_a_trial'], 'crop')} of {number_of(data['crop'], 'frame')} "
+                f"each; {data['split']}, {number_of(data['folds'], 'fold')}.",
             ),
             table(
                 list(rows[0]),

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from taxel.evaluation.checked import Checked
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, ROWS, Section
+from taxel.plain_text import number_of
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Mark
 from taxel.training.environment import environment
@@ -66,8 +67,9 @@ def write_checked_report(path: Path, checked: Checked) -> None:
     )
     parts = [
         f"<h1>{text(checked.recipe.target)}, split: {split_name(pooled.split)}</h1>",
-        f"<p>{len(dataset)} windows of {dataset.config.steps} × {len(dataset.sensor.channels)} "
-        f"in {len(dataset.trials)} trials; data {dataset.digest[:12]}. "
+        f"<p>{number_of(len(dataset), 'window')} of {dataset.config.steps} × "
+        f"{len(dataset.sensor.channels)} "
+        f"in {number_of(len(dataset.trials), 'trial')}; data {dataset.digest[:12]}. "
         + " ".join(f"{text(note)}." for note in dataset.notes)
         + "</p>",
         "<table><thead><tr><th>model</th><th>accuracy, windows [95 %]</th><th>trials</th>"
@@ -156,7 +158,7 @@ def _section(section: Section) -> str:
     )
     about = f"{section.task}, preset {section.preset}, split: {split_name(section.split)}"
     return (
-        f"<h2>{about}</h2><p>{section.windows} windows.</p>"
+        f"<h2>{about}</h2><p>{number_of(section.windows, 'window')}.</p>"
         f"<table><thead><tr><th>metric</th>{head}</tr></thead><tbody>{rows}</tbody></table>"
         + png_figure(
             figures.accuracies(names, values, intervals, "accuracy over all folds"),

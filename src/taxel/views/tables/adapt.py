@@ -12,13 +12,14 @@ from rich.table import Table
 from taxel.bundles.contract import Contract
 from taxel.bundles.levels import TouchLevel
 from taxel.bundles.versions import OF_ALL, Change, History, kept_path
-from taxel.plain_text import visible, visible_line
+from taxel.plain_text import number_of, visible, visible_line
 
 
 def level_table(contract: Contract, found: TouchLevel) -> Table:
     """Return each channel's level before and now, and what must be looked at."""
     table = Table(
-        title=f"channel levels from {found.touches} touches, {found.windows} windows",
+        title=f"channel levels from {number_of(found.touches, 'touch')}, "
+              f"{number_of(found.windows, 'window')}",
         title_justify="left", caption_justify="left",
         caption="\n".join(map(visible_line, found.warnings)) or None,
     )  # fmt: skip

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from taxel.evaluation.audit.finding import MEANING, Audit, Finding
-from taxel.plain_text import visible, visible_line, visible_names
+from taxel.plain_text import number_of, visible, visible_line, visible_names
 
 _STYLE = {"leak": "bold red", "hazard": "yellow", "note": "cyan", "clear": "green",
           "too few": "magenta", "not checked": "dim"}  # fmt: skip
@@ -52,7 +52,8 @@ def _what(found: Audit) -> str:
     classes = ", ".join(f"{visible_names([name])} {count}" for name, count in found.classes.items())
     split = f"split: {found.split}" if found.split else "no split given"
     return (
-        f"{found.data}: {found.kind}, {trials} trials, label {found.target!r} ({classes}); {split}"
+        f"{found.data}: {found.kind}, {number_of(trials, 'trial')}, label {found.target!r} "
+        f"({classes}); {split}"
     )
 
 

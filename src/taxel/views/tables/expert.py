@@ -18,7 +18,7 @@ from taxel.evaluation.run_scores import (
     only_one,
     unnamed_line,
 )
-from taxel.plain_text import several, visible, visible_line
+from taxel.plain_text import number_of, several, visible, visible_line
 from taxel.training.choose.choice import Choice
 from taxel.views.tables.results import result_table
 from taxel.windows.checks import OUTSIDE
@@ -106,8 +106,9 @@ def nested_table(nested: Nested) -> RenderableType:
     if nested.fixed:
         how = "chosen before, then trained on each training part; not nested if the choice saw it"
     table = result_table(
-        f"split: {visible(nested.split)} · {how} · {len(nested.predictions)} test windows, "
-        f"{by_trial.trials} trials",
+        f"split: {visible(nested.split)} · {how} · "
+        f"{number_of(len(nested.predictions), 'test window')}, "
+        f"{number_of(by_trial.trials, 'trial')}",
         ("model", "accuracy", "by trial", "loss", "loss by trial", "calibration error"),
     )
     first = "as chosen before" if nested.fixed else "chosen by default"
@@ -163,5 +164,7 @@ def expert_report(expert: Expert) -> RenderableType:
     # Windows overlap where they are searched among: how many of those fit no trial says nothing.
     parts += [Text(visible_line(note)) for note in expert.notes if OUTSIDE not in note]
     if expert.tries_kept:
-        parts.append(Text(f"{expert.tries_kept} tries kept from a run that was interrupted"))
+        parts.append(
+            Text(f"{number_of(expert.tries_kept, 'try')} kept from a run that was interrupted")
+        )
     return Group(*parts)

@@ -18,6 +18,7 @@ from taxel.evaluation.early_warning.grasp_warnings import WarningResult
 from taxel.evaluation.transitions.precisions import PrecisionRow
 from taxel.evaluation.transitions.step_times import StepTime
 from taxel.evaluation.transitions.tables import TableRow, TrivialRow, WindowScores
+from taxel.plain_text import number_of
 
 TITLES = {
     1: "Table 1 · backbones and heads, k = 8",
@@ -78,9 +79,10 @@ def precision_table(rows: Sequence[PrecisionRow], rule: str, threads: int) -> Re
             f"{row.largest_difference:.2g}", f"{row.step_ms:.1f}",
         )  # fmt: skip
     return Group(
-        Text(f"labels: rule {rule}; the last cup held out, {rows[0].windows} windows. One head, "),
+        Text(f"labels: rule {rule}; the last cup held out, "
+             f"{number_of(rows[0].windows, 'window')}. One head, "),
         Text("trained on the first line's features; a step is two new frames and the head, "
-             f"{threads} thread(s)."),
+             f"{number_of(threads, 'thread')}."),
         table,
     )  # fmt: skip
 
@@ -154,8 +156,8 @@ def warning_tables(results: Sequence[WarningResult], rule: str) -> RenderableTyp
             f"thresholds, tuned on training cups only (last fold): warn {config.warn:.2f}, clear "
             f"{config.clear:.2f}, raised after {config.raise_s:g} s, cleared after "
             f"{config.clear_s:g} s. False alarms: in runs that hold, {first.events.hold_min:.1f} "
-            f"minutes. Intervals: whole cups resampled ({first.events.clusters} cups); false "
-            "alarms: exact Poisson."
+            "minutes. Intervals: whole cups resampled "
+            f"({number_of(first.events.clusters, 'cup')}); false alarms: exact Poisson."
         )
     )
     return Group(*parts)

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from taxel.evaluation.teng.cleaning_gains import BASE, NOTHING, Gain
 from taxel.evaluation.teng.model_comparison import LITERATURE, ModelResult, TrivialResult
-from taxel.plain_text import visible
+from taxel.plain_text import number_of, visible
 from taxel.views.tables.results import below, bracketed, few, result_table, with_interval
 
 
@@ -27,7 +27,8 @@ def model_tables(
         shown = beside.target, beside.split
         own = [result for result in results if (result.target, result.pooled.split) == shown]
         table = result_table(
-            f"{visible(beside.target)} · split: {visible(beside.split)} · {beside.windows} windows",
+            f"{visible(beside.target)} · split: {visible(beside.split)} · "
+            f"{number_of(beside.windows, 'window')}",
             (
                 "model",
                 "accuracy [95 %]",
@@ -77,7 +78,7 @@ def cleaning_tables(gains: Sequence[Gain], trivial: Sequence[TrivialResult]) -> 
         own = [gain for gain in gains if gain.target == beside.target]
         table = result_table(
             f"{visible(beside.target)} · {BASE} · split: {visible(beside.split)} · "
-            f"{len(own[0].by_run)} runs",
+            f"{number_of(len(own[0].by_run), 'run')}",
             ("windows", "accuracy", "by trial", "difference, points [95 %]", "p", "each run"),
         )
         table.add_column("what it gives")

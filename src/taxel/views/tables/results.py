@@ -18,7 +18,7 @@ from taxel.evaluation.checked import Checked
 from taxel.evaluation.crossval import Pooled
 from taxel.evaluation.run_scores import few_groups, only_one
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, ROWS, Section
-from taxel.plain_text import short_names, visible, visible_line
+from taxel.plain_text import number_of, short_names, visible, visible_line
 
 HEADINGS = {"cnn1d": "1D", "cnn2d": "2D", "minirocket": "MiniRocket"}
 """Short names: 1D is signal-based, 2D image-based."""
@@ -80,9 +80,9 @@ def checked_table(checked: Checked) -> RenderableType:
     """Return one recipe's result with its bars and trivial baselines."""
     dataset, pooled = checked.dataset, checked.pooled
     about = Text(
-        f"{visible(checked.recipe.target)} · split: {visible(pooled.split)} · {len(dataset)} "
-        f"windows of {dataset.config.steps} × {len(dataset.sensor.channels)} in "
-        f"{len(dataset.trials)} trials",
+        f"{visible(checked.recipe.target)} · split: {visible(pooled.split)} · "
+        f"{number_of(len(dataset), 'window')} of {dataset.config.steps} × "
+        f"{len(dataset.sensor.channels)} in {number_of(len(dataset.trials), 'trial')}",
         style="bold",
     )
     columns = ("model", "accuracy [95 %]", "by trial", "loss", "ROC-AUC", "F1")

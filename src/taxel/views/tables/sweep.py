@@ -14,7 +14,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from taxel.evaluation.robustness.curve import FALL, FaultPoint, fall_text
+from taxel.evaluation.robustness.curve import FALL, FaultPoint, fall_text, level_text
 from taxel.plain_text import visible_line
 
 _CAMERA_COLUMNS = ("balanced [95 %]", "moments", "warned", "any", "false")
@@ -80,9 +80,8 @@ def _silence(own: Sequence[FaultPoint], base: FaultPoint) -> str:
     if not few or math.isnan(few[0].accuracy):  # that nothing is answered is said already
         return ""
     first = few[0]
-    return (
-        f"; at {first.level:g} {first.unit} only {_percent(first.grasps_answered)} with an answer"
-    )
+    level = level_text(first.level, first.unit)
+    return f"; at {level} only {_percent(first.grasps_answered)} with an answer"
 
 
 def _notes(points: Sequence[FaultPoint], cameras: bool) -> list[Text]:

@@ -16,7 +16,7 @@ def trained_on_line(names: Sequence[str], what: str, *, known: bool) -> str | No
     Args:
         names: Those of them that it was trained on.
         what: Such as "recordings".
-        known: False for a bundle of before, which does not say what it was trained on.
+        known: False for an older bundle, which does not say what it was trained on.
     """
     if not known:
         return (

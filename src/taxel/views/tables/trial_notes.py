@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from taxel.evaluation.camera_trials.contenders import nothing_moves
 from taxel.evaluation.camera_trials.crossval import TrialResult
 from taxel.evaluation.camera_trials.trial_set import TrialSet
+from taxel.plain_text import number_of
 from taxel.windows.trial_crops import LEAST_CROP
 from taxel.windows.trial_picture import brightest
 
@@ -34,8 +35,8 @@ def frames_note(lengths: Sequence[int], crop: int) -> str | None:
     if short == len(lengths):
         return f"trials of {seen}"
     return (
-        f"{short} of {len(lengths)} trials {'have' if short > 1 else 'has'} {crop} "
-        f"frame{'s' * (crop > 1)}: of each trial, so that no length shows, crops of {seen}; "
+        f"{short} of {len(lengths)} trials {'have' if short > 1 else 'has'} "
+        f"{number_of(crop, 'frame')}: of each trial, so that no length shows, crops of {seen}; "
         "leave those out to see motion in the others"
     )
 

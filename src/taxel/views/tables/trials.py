@@ -25,14 +25,14 @@ from taxel.evaluation.camera_trials.crossval import (
 from taxel.evaluation.camera_trials.sides import TrialSplit, shared_values
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.evaluation.paired import LEVEL, smallest_p
-from taxel.plain_text import several, visible, visible_line, visible_names
+from taxel.plain_text import number_of, several, visible, visible_line, visible_names
 from taxel.recordings.imports.spelling import by_numbers
 from taxel.views.tables.results import bracketed
 from taxel.views.tables.trial_notes import control_warnings, trial_notes
 from taxel.windows.trial_crops import PLACES
 
 _REASONS = 3
-"""Reasons of UNKNOWN that are told."""
+"""Reasons of UNKNOWN that are shown."""
 _WEAKEST = 5
 """Groups that are shown, those with the fewest right first."""
 
@@ -83,7 +83,8 @@ def _too_few(split: TrialSplit, trials: TrialSet) -> str:
     if least < LEVEL:
         return ""
     return (
-        f"with {_counted(len(groups), split.group)} no difference can be claimed (smallest "
+        f"with {number_of(len(groups), visible(split.group))} no difference can be claimed "
+        f"(smallest "
         f"possible p {least:.2g}), and intervals in [] are too narrow"
     )
 
@@ -103,8 +104,10 @@ def not_scored_line(target: str, truth: Sequence[str], classes: Sequence[str]) -
     if not odd:
         return ""
     shown = visible_names(dict.fromkeys(own or "none" for own in odd[:_WEAKEST]))
+    are = "is" if len(odd) == 1 else "are"
     return (
-        f"{len(odd)} of {len(truth)} trials are in no accuracy, for the bundle knows the {target} "
+        f"{len(odd)} of {number_of(len(truth), 'trial')} {are} in no accuracy, for the bundle "
+        f"knows the {target} "
         f"{visible_names(classes)} only, not {shown}; mend the label if it is misspelt"
     )
 
@@ -150,7 +153,7 @@ def score_line(
 
 def trial_count(trials: int) -> str:
     """Return how many trials there are, in words such as "1 trial"."""
-    return f"{trials} trial{'s' * (trials != 1)}"
+    return number_of(trials, "trial")
 
 
 def _head(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
@@ -167,10 +170,11 @@ def _head(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
             f"middle and the last {layout.crop}"
         )
     return (
-        f"{len(trials.y)} trials of {trials.cameras} camera{'s' if trials.cameras > 1 else ''}, "
+        f"{number_of(len(trials.y), 'trial')} of {trials.cameras} "
+        f"camera{'s' if trials.cameras > 1 else ''}, "
         f"{visible(trials.target)}: {counts}{more}; {frames}. "
         f"{split.name}: {len(split.folds)} fold{'s' if len(split.folds) > 1 else ''}, "
-        f"{ours.whole.trials} trials tested. Nothing is chosen on a test trial."
+        f"{number_of(ours.whole.trials, 'trial')} tested. Nothing is chosen on a test trial."
     )
 
 
@@ -206,20 +210,18 @@ def _difference_line(found: Difference, group: str) -> str:
     )
 
 
-def _counted(count: int, group: str) -> str:
-    return f"{count} {visible(group) if count == 1 else several(visible(group))}"
-
-
 def _weakest(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
     groups = by_group(trials, split, ours)
     missed = [(name, right, of) for name, (right, of) in groups.items() if right < of]
     if not missed:
         whole = "all " * (len(groups) > 1)
-        return f"all trials of {whole}{_counted(len(groups), split.group)} are correct."
+        return f"all trials of {whole}{number_of(len(groups), visible(split.group))} are correct."
     shown = ", ".join(f"{visible(name)} {right}/{of}" for name, right, of in missed[:_WEAKEST])
+    perfect = len(groups) - len(missed)
     return (
-        f"{len(groups) - len(missed)} of {len(groups)} {several(split.group)} have all trials "
-        f"correct; lowest: {shown}."
+        f"{perfect} of {number_of(len(groups), visible(split.group))} "
+        f"{'has' if perfect == 1 else 'have'} all "
+        f"trials correct; lowest: {shown}."
     )
 
 

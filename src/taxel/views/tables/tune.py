@@ -8,7 +8,7 @@ from rich.table import Table
 
 from taxel.evaluation.crossval import Pooled
 from taxel.evaluation.tune.nested import Tuned
-from taxel.plain_text import several, visible_line
+from taxel.plain_text import number_of, several, visible_line
 
 
 def tune_table(found: Tuned) -> Table:
@@ -27,7 +27,9 @@ def tune_table(found: Tuned) -> Table:
             table.add_row(f"trivial: {visible_line(name)}", f"{accuracy:.1%}", "–", "")
     table.add_row("inner folds, best trial (chosen by: too high)", f"{own.accuracy:.1%}", "–", "")
     table.add_row("inner folds, the recipe as it is", f"{own.as_is:.1%}", "–", "")
-    table.caption = f"{own.trials} trials on all recordings, {own.pruned} of them pruned"
+    table.caption = (
+        f"{number_of(own.trials, 'trial')} on all recordings, {own.pruned} of them pruned"
+    )
     return table
 
 

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from taxel.evaluation.unknown.scores import COVERAGES, OURS, SCORES, Auroc, UnknownResult
-from taxel.plain_text import visible, visible_line
+from taxel.plain_text import number_of, visible, visible_line
 from taxel.views.tables.results import bracketed, result_table
 
 
@@ -74,13 +74,14 @@ def left_out_table(
 def _scores(result: UnknownResult) -> Table:
     table = result_table(
         f"unknown to {visible(result.target)} · split: {visible(result.split)} · "
-        f"{result.known_windows} windows and {result.known_grasps} grasps known",
+        f"{number_of(result.known_windows, 'window')} and "
+        f"{number_of(result.known_grasps, 'grasp')} known",
         ("not trained on", "score", "AUROC\nwindows", "grasps [95 %]", "found\nwindows", "grasps"),
     )
     for own in result.aurocs:
         ours = own.score == OURS
         table.add_row(
-            f"{visible(own.kind)} ({own.unknown_grasps} grasps)" if ours else "",
+            f"{visible(own.kind)} ({number_of(own.unknown_grasps, 'grasp')})" if ours else "",
             own.score,
             f"{own.windows:.3f}",
             _interval(own) if ours else f"{own.grasps:.3f}",

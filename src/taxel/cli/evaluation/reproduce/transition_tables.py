@@ -25,6 +25,7 @@ from taxel.cli.options.cameras import (
 )
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 
 if TYPE_CHECKING:
     pass
@@ -142,7 +143,8 @@ class TransitionTables:
         console.print(transition_tables(rows, baselines, times, rule, unstable))
         say(
             f"training of all rows: {sum(row.training_s for row in rows):.0f} s of processor time; "
-            f"steps: {engine.engine} {engine.precision}, {self.weights.threads} thread(s)."
+            f"steps: {engine.engine} {engine.precision}, "
+            f"{number_of(self.weights.threads, 'thread')}."
         )
         if rule == "change":
             say(

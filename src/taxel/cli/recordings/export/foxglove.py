@@ -8,6 +8,7 @@ from pathlib import Path
 import tyro
 
 from taxel.cli.printing import print_json, say
+from taxel.plain_text import number_of
 from taxel.recordings.reader import list_recordings, read_manifest
 
 
@@ -37,4 +38,4 @@ class Foxglove:
         if self.json:
             print_json({"layout": str(self.output), "shows": found.shows})
             return
-        say(f"{self.output}: {found.panels} panels; in the viewer: Layout > Import")
+        say(f"{self.output}: {number_of(found.panels, 'panel')}; in the viewer: Layout > Import")

@@ -11,6 +11,7 @@ import tyro
 from taxel.cli.printing import print_json, progress, say
 from taxel.cli.recordings.export.need import depth_cameras, depth_line, need_packages
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 from taxel.recordings.reader import list_recordings
 
 
@@ -65,8 +66,13 @@ class Lerobot:
         if self.json:
             print_json({"output": str(self.output), **written.as_dict(), "left_out": left_out})
             return
-        each = f"{written.frames} frames" + (f" of {written.rows} scans" if written.rows else "")
-        say(f"{self.output}: {written.episodes} episodes, {each}, {written.fps} frames/s")
+        each = number_of(written.frames, "frame") + (
+            f" of {number_of(written.rows, 'scan')}" if written.rows else ""
+        )
+        say(
+            f"{self.output}: {number_of(written.episodes, 'episode')}, {each}, {written.fps} "
+            "frames/s"
+        )
         say(f"tasks: {', '.join(map(repr, written.tasks[:6]))}{' …' if written.tasks[6:] else ''}")
         say(
             f"frame / fps differs from the time of a frame by up to {1000 * written.drift_s:.3g} ms"
@@ -77,6 +83,8 @@ class Lerobot:
         if left_out:
             say(depth_line(left_out))
         if written.scans_left_out:
-            say(f"{written.scans_left_out} scans are in no window; give more with --rows")
+            say(f"{number_of(written.scans_left_out, 'scan')} in no window; give more with --rows")
         if written.images_left_out:
-            say(f"{written.images_left_out} images fit no frame of the first camera")
+            say(
+                f"{number_of(written.images_left_out, 'image')} without a frame of the first camera"
+            )

@@ -10,6 +10,7 @@ import tyro
 
 from taxel.cli.printing import print_json, progress, say
 from taxel.cli.recordings.export.need import depth_cameras, depth_line, need_packages
+from taxel.plain_text import number_of
 from taxel.recordings.reader import list_recordings
 
 
@@ -50,6 +51,6 @@ class Video:
             print_json({"output": str(self.output), "videos": found, "left_out": left_out})
             return
         for name, count in found.items():
-            say(f"{self.output / name}: {count} frames")
+            say(f"{self.output / name}: {number_of(count, 'frame')}")
         if left_out:
             say(depth_line(left_out))

@@ -14,6 +14,7 @@ from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.cli.recordings.simulate.need import need_simulators
 from taxel.errors import BadInput
+from taxel.plain_text import number_of
 
 SimulatedKind = Literal[
     "pour", "still", "no-slip-pour", "bump", "grip-drop", "late-slip",
@@ -113,7 +114,7 @@ class CupPour:
                 f"{force_n:g} N", str(len(at_force)), *map(str, counts), f"{slip_um:.0f} µm"
             )
         console.print(table)
-        say(f"{len(rows)} recordings of {self.duration_s:g} s, two cameras each")
+        say(f"{number_of(len(rows), 'recording')} of {self.duration_s:g} s, two cameras each")
         say("look: ", command("taxel", "view", self.output / f"{rows[0]['run']}.mcap"))
         say("next: ", self._next())
 

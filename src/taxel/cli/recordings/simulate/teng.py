@@ -11,6 +11,7 @@ from rich.table import Table
 from taxel.cli.options.rules import Only
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.cli.recordings.simulate.need import need_simulators
+from taxel.plain_text import number_of
 from taxel.sim.teng.contact import HALF_WIDTH_MM
 from taxel.windows.config import GATE_V, GRID_RATE_HZ
 
@@ -125,7 +126,10 @@ class Teng:
             )
         console.print(table)
         scans, gated = sum(row["scans"] for row in rows), sum(row["gated"] for row in rows)
-        say(f"{len(rows)} recordings, {scans:,} scans, {gated / scans:.1%} above {GATE_V} V")
+        say(
+            f"{number_of(len(rows), 'recording')}, {number_of(scans, 'scan', ',')}, "
+            f"{gated / scans:.1%} above {GATE_V} V"
+        )
         say("look: ", command("taxel", "view", self.output / f"{rows[0]['session']}.mcap"))
         if self.preset == "honest":
             train = ("taxel", "train", self.output, "--target", "shape", "--output", "runs/shape")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.foreign.held_arrays import sides_of
+from taxel.plain_text import number_of
 
 TRIALS, ROWS, CHANNELS, HEIGHT, WIDTH, ONE = "trials", "rows", "channels", "height", "width", "1"
 WORDS = (TRIALS, ROWS, CHANNELS, HEIGHT, WIDTH)
@@ -73,9 +74,11 @@ class Axes:
     def in_words(self, shape: Sequence[int]) -> str:
         """Return what these axes make of a shape, in words."""
         rows, channels = self.size(shape, ROWS), self.channels(shape)
-        trials = f"{self.size(shape, TRIALS)} trials of " if TRIALS in self.words else ""
-        scans = f"{rows} {'scan' if rows == 1 else 'scans'}"
-        return f"{trials}{scans} of {channels} {'channel' if channels == 1 else 'channels'}"
+        trials = (
+            f"{number_of(self.size(shape, TRIALS), 'trial')} of " if TRIALS in self.words else ""
+        )
+        scans = number_of(rows, "scan")
+        return f"{trials}{scans} of {number_of(channels, 'channel')}"
 
     def __str__(self) -> str:
         return " ".join(self.words)
@@ -155,7 +158,9 @@ def find_axes(
             readings += f"; {_or(possible[:2], shape)} if it holds many"
         raise _several(what, shape, readings)
     if not possible:
-        labels = f", with labels of {trials} trials" if trials is not None and many else ""
+        labels = (
+            f", with labels of {number_of(trials, 'trial')}" if trials is not None and many else ""
+        )
         raise BadTable(
             f"{'trials, ' if many else ''}rows and channels in {what}",
             f"the shape {sides_of(shape)}{labels}{_wanted(channels)}",
@@ -188,8 +193,8 @@ def _all_readings(
 
 def _wanted(channels: range) -> str:
     if len(channels) == 1:
-        return f" and {channels[0]} channels"
-    return f" and at least {channels[0]} channels" if channels[0] > 1 else ""
+        return f" and {number_of(channels[0], 'channel')}"
+    return f" and at least {number_of(channels[0], 'channel')}" if channels[0] > 1 else ""
 
 
 def _readings(

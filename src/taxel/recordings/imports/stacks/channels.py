@@ -13,6 +13,7 @@ import re
 from collections.abc import Sequence
 
 from taxel.errors import BadTable
+from taxel.plain_text import number_of
 from taxel.recordings.imports.tables import ALL, MOST_CHANNELS, Column
 
 _OWN = re.compile(r"\d+|(r\d+)?(c\d+)?(_\d+)?")
@@ -71,6 +72,7 @@ def take_channels(
 def _no_channels(odd: Sequence[str], own: Sequence[str], where: str) -> BadTable:
     shown = f"{own[0]} to {own[-1]}" if len(own) > 1 else own[0]
     return BadTable(
-        f"channels by what the array calls them, {shown}, or {len(own)} names of your own",
+        f"channels by what the array calls them, {shown}, or {number_of(len(own), 'name')} of "
+        "your own",
         f"{odd[0][:80]!r} in {where}", f"correct it, or write {ALL}[UNIT] for all of them",
     )  # fmt: skip

@@ -106,7 +106,7 @@ def members_of(file: OpenedFile, what: str) -> list[Member]:
 
 
 def _refuse_joined(file: OpenedFile, what: str) -> None:
-    """Refuse several arrays as one, F0+F1, as a text may have several columns that tell trials."""
+    """Refuse several arrays as one, F0+F1, as a text may have several columns that mark trials."""
     parts = [part.strip() for part in what.split(AND)]
     if len(parts) < 2 or what in file.opened().names():
         return

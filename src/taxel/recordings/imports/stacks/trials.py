@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadFile, BadTable
 from taxel.foreign.files import MIB
 from taxel.foreign.held_arrays import Cells, Numbers, bytes_of, sides_of
-from taxel.plain_text import visible
+from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.stacks.axes import (
     ROWS,
     TRIALS,
@@ -384,7 +384,7 @@ class ArrayTrials:
         except BadFile as error:
             raise BadTable(error.needed, f"{self._path}: {error.got}", error.mend) from error
         raise BadTable(
-            f"a time for each of {rows} rows, or for each row of each trial",
+            f"a time for each of {number_of(rows, 'row')}, or for each row of each trial",
             f"{held} in {visible(name)} of {self._path}", "correct the column 'time'",
         )  # fmt: skip
 

@@ -69,7 +69,7 @@ export function drawMap(canvas, rows, channels) {
   pen.rotate(Math.PI / 2);
   pen.fillText("older → newest", 0, 3);
   pen.restore();
-  pen.fillText(columns === channels.length ? `${columns} sensors` : "", side + (width - side) / 2, height - side * 0.15);
+  pen.fillText(columns === channels.length ? `${columns} ${columns === 1 ? "sensor" : "sensors"}` : "", side + (width - side) / 2, height - side * 0.15);
 }
 
 /** Return the fingers of a hand's twelve channels, or null for another array. */
