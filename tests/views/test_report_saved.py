@@ -63,6 +63,7 @@ def test_a_sweep_shows_what_is_unchanged_and_where_nothing_is_answered():
     rows = [
         {**SWEEP[0], "fault": "none", "level": 0.0, "accuracy": 0.85, "low": None, "high": None},
         *SWEEP,
+        {**SWEEP[0], "fault": "dead", "level": 1.0, "unit": "channels", "accuracy": 0.5},
         {**SWEEP[0], "fault": "dust", "accuracy": None, "low": None, "high": None, "answered": 0.0},
     ]
 
@@ -70,6 +71,7 @@ def test_a_sweep_shows_what_is_unchanged_and_where_nothing_is_answered():
 
     assert "Unchanged: 85.0 %" in part
     assert "noise: least 50.0 % [40.0, 60.0] at 0 dB" in part
+    assert "at 1 channel</figcaption>" in part
     assert "dust: nothing was answered" in part
     assert "nan" not in part
 

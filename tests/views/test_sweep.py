@@ -96,7 +96,8 @@ def test_a_figure_without_any_fault_is_still_one():
 
 @pytest.mark.parametrize(("level", "unit", "shown"), [
     (1.0, "channels", "1 channel"), (2.0, "channels", "2 channels"), (1.0, "ms", "1 ms"),
-    (0.5, "channels", "0.5 channels"), (1.0, "pairs", "1 pair"),
+    (0.5, "channels", "0.5 channels"), (1.0, "pairs", "1 pair"), (1.0, "stops", "1 stop"),
+    (1.0, "scratches", "1 scratch"),
 ])  # fmt: skip
 def test_one_of_what_is_counted_is_named_in_the_singular(
     level: float, unit: str, shown: str

@@ -17,7 +17,7 @@ from taxel.evaluation.metrics import accuracy_interval, by_trial
 
 CLEAN = "none"
 """Name of the point without any fault."""
-_SINGULAR = {"channels": "channel", "pairs": "pair"}
+_SINGULAR = {"channels": "channel", "pairs": "pair", "stops": "stop", "scratches": "scratch"}
 """Units that are counted; others, such as ms, stay."""
 FALL = 0.05
 """Loss of accuracy at which a fault counts as reached, 0…1. Source: docs/decisions/0029."""

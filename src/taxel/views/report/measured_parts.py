@@ -12,6 +12,7 @@ from typing import Any
 
 from taxel.errors import BadInput
 from taxel.evaluation.cards.latency import NetworkLatency
+from taxel.evaluation.robustness.curve import level_text
 from taxel.training.environment import Provenance
 from taxel.views.report.charts import Axis, Line, line_chart
 from taxel.views.report.page import Html, band, colour, figure, join, key, percent, table, tag
@@ -163,7 +164,7 @@ def _fault_chart(fault: str, points: list[SweepPoint], unchanged: list[SweepPoin
         return figure(chart, f"{fault}: nothing was answered.")
     worst = min(known, key=lambda point: point.accuracy)
     sentence = f"least {percent(worst.accuracy)} {band(worst.low, worst.high)}".rstrip()
-    return figure(chart, f"{fault}: {sentence} at {worst.level:g} {unit}".rstrip())
+    return figure(chart, f"{fault}: {sentence} at {level_text(worst.level, unit)}".rstrip())
 
 
 def _unchanged(clean: SweepPoint, own: list[SweepPoint], ends: tuple[float, float]) -> Line:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from taxel.evaluation.paired import Paired
 from taxel.evaluation.run_scores import RunScores, beside_baselines, only_one
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, TASKS
-from taxel.plain_text import several
+from taxel.plain_text import number_of, several
 from taxel.training.curves import Curve
 from taxel.training.run import Run
 from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart, matrix
@@ -219,7 +219,7 @@ def comparison(found: Paired, first: str, second: str) -> Html:
             tag("p", found.say(first, second), "note"),
             table(
                 ["", first, second, "difference, points [95 %]",
-                 f"p over {n} {several(found.group)}", "smallest possible", "p over windows"],
+                 f"p over {number_of(n, found.group)}", "smallest possible", "p over windows"],
                 [["accuracy", percent(found.first), percent(found.second),
                   f"{100 * found.difference:+.1f}{interval_text(found)}",
                   f"{found.p_groups:.2g}", f"{found.smallest_p:.2g}", f"{found.p_windows:.2g}"]],

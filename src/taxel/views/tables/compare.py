@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from taxel.evaluation.paired import Paired
-from taxel.plain_text import several, visible, visible_line
+from taxel.plain_text import number_of, visible, visible_line
 
 MOST_GROUPS = 24
 """Groups that are printed; more fill the screen."""
@@ -50,7 +50,7 @@ def compare_table(paired: Paired, first: str, second: str) -> RenderableType:
         Text(f"first: {visible(first)} · second: {visible(second)}; differences in points, [95 %]"),
         table,
         Text(
-            f"over {n} {several(visible(paired.group))} (sign-flip permutation): p = "
+            f"over {number_of(n, visible(paired.group))} (sign-flip permutation): p = "
             f"{paired.p_groups:.2g}; smallest possible {paired.smallest_p:.2g}"
         ),
         Text(

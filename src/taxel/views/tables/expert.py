@@ -18,7 +18,7 @@ from taxel.evaluation.run_scores import (
     only_one,
     unnamed_line,
 )
-from taxel.plain_text import number_of, several, visible, visible_line
+from taxel.plain_text import number_of, visible, visible_line
 from taxel.training.choose.choice import Choice
 from taxel.views.tables.results import result_table
 from taxel.windows.checks import OUTSIDE
@@ -122,7 +122,7 @@ def nested_table(nested: Nested) -> RenderableType:
         if name not in blind:
             table.add_row(name, f"{accuracy:.4f}", style="dim")
     interval = scores.intervals[scores.group]
-    over = f"95 % CI over {interval.groups} {several(visible(scores.group))}: "
+    over = f"95 % CI over {number_of(interval.groups, visible(scores.group))}: "
     lines = [Text(f"{over}{interval.low:.4f} … {interval.high:.4f}{_all_right(nested)}")]
     if blind:
         hidden = ", ".join(blind)
@@ -144,7 +144,8 @@ def _all_right(nested: Nested) -> str:
         return ""
     least = least_of_all_right(trials.trials)
     return (
-        f"; all {trials.trials} trials correct; with that many, the 95 % lower bound is {least:.3f}"
+        f"; all {number_of(trials.trials, 'trial')} correct; with that many, the 95 % lower bound "
+        f"is {least:.3f}"
     )
 
 

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from taxel.evaluation.crossval import Pooled
 from taxel.evaluation.tune.nested import Tuned
-from taxel.plain_text import number_of, several, visible_line
+from taxel.plain_text import number_of, visible_line
 
 
 def tune_table(found: Tuned) -> Table:
@@ -36,5 +36,5 @@ def tune_table(found: Tuned) -> Table:
 def _cells(pooled: Pooled) -> tuple[str, str, str]:
     low, high = pooled.interval
     interval = "–" if math.isnan(low) else f"{low:.1%} … {high:.1%}"
-    by = f"{pooled.interval_groups} {several(visible_line(pooled.interval_group))}"
+    by = number_of(pooled.interval_groups, visible_line(pooled.interval_group))
     return f"{pooled.scores.accuracy:.1%}", interval, by
