@@ -90,7 +90,7 @@ def test_what_beats_the_mean_of_kinds_gets_half_of_the_weight():
 
     found = mix(each, list("abc"), list("abc"), [(0,)] * 3, y, np.arange(600) // 10)
 
-    assert found.why.startswith("half this model, clearly ahead of all blends, half the mean")
+    assert found.why.startswith("half the best model, half the mean of the best model of each kind")
     assert found.members == (0, 1, 2)
     assert found.weights == pytest.approx((2 / 3, 1 / 6, 1 / 6))
 
@@ -108,4 +108,17 @@ def test_half_of_each_weight_is_added_where_a_member_is_in_both():
 
     assert found.members == (2, 0, 1)
     assert found.weights == (0.375, 0.375, 0.25)
-    assert found.why == "half a greedy blend, half the mean of the best model of each kind"
+    assert found.why == (
+        "half a greedy blend, half the mean of the best model of each kind: the former is clearly "
+        "better on inner folds, the latter is safer for new groups"
+    )
+
+
+def test_one_model_is_not_called_a_mean_of_kinds():
+    """Beside a blend of kinds of which all but one are far behind alone."""
+    better, alone = Mix((0, 1), (0.5, 0.5), "a greedy blend"), Mix((0,), (1.0,), "")
+
+    found = _halved(better, alone)
+
+    assert found.weights == (0.75, 0.25)
+    assert found.why.startswith("half a greedy blend, half one model alone: ")

@@ -172,7 +172,7 @@ def mix(
     champions = _without_likes(near, camps, each)
     equal = Mix(champions, _shared(champions, camps), _why_mean(champions, near, kinds))
     others = [
-        Mix((best,), (1.0,), "this model, clearly ahead of all blends"),
+        Mix((best,), (1.0,), "the best model"),
         _greedy(probabilities, y, best),
     ]
     base = losses(joined(probabilities, equal), y)
@@ -192,7 +192,11 @@ def _halved(better: Mix, mean: Mix) -> Mix:
             weights[member] = weights.get(member, 0.0) + 0.5 * weight
     if len(weights) == 1:
         return better
-    why = f"half {better.why}, half the mean of the best model of each kind"
+    rest = "the mean of the best model of each kind" if len(mean.members) > 1 else "one model alone"
+    why = (
+        f"half {better.why}, half {rest}: the former is clearly better on inner folds, the latter "
+        "is safer for new groups"
+    )
     return Mix(tuple(weights), tuple(weights.values()), why)
 
 
