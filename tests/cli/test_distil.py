@@ -99,6 +99,7 @@ def test_another_seed_learns_from_other_copies_and_is_tested_on_the_same(
         "d --backbone densenet121 --side-px 20 --output out.safetensors",
         "d --backbone densenet121 --side-px 64 20 --output out.safetensors",
         "d --backbone densenet121 --side-px 32 64 96 --epochs 2 --output out.safetensors",
+        "d --backbone densenet121 --output out.safetensors --side-px",
         "d --backbone densenet121 --copies 0 --output out.safetensors",
         "d --backbone densenet121 --epochs -1 --output out.safetensors",
         "d --backbone densenet121 --precision int8 --output out.safetensors",

@@ -138,8 +138,9 @@ class Distil:
                 raise BadInput(f"--{name} within {least} and {most}", f"{given}", "choose another")
         if not 1 <= len(self.side_px) <= self.epochs:
             raise BadInput(
-                f"1 to {self.epochs} values of --side-px, one epoch each at least",
-                f"{len(self.side_px)}", "name fewer, or set more --epochs",
+                f"{'one size' if self.epochs == 1 else f'1 to {self.epochs} sizes'} for --side-px, "
+                "one epoch each at least", f"{len(self.side_px)}",
+                "name fewer, or set more --epochs" if self.side_px else "name one, such as 96",
             )  # fmt: skip
         if self.engine.precision == "int8":
             raise BadInput("--precision f32 or bf16 for a teacher", "int8", "choose another")
