@@ -40,6 +40,24 @@ def test_a_graver_word_comes_at_once_and_a_milder_one_after_a_calm_stretch() -> 
     assert (given.advice, given.since_s) == (Advice.HOLD, 1.1 + CALM_S)
 
 
+def test_a_word_that_is_said_on_in_a_milder_state_gives_the_true_reason() -> None:
+    """Not that the state is unknown, beside a state that is STABLE."""
+    adviser = Adviser()
+    adviser.push(Advice.HOLD_STILL, 0.0)
+
+    waits = adviser.push(Advice.HOLD, 1.0)
+    relapse = adviser.push(Advice.HOLD_STILL, 1.2)
+    adviser.push(Advice.HOLD, 1.5)
+    over = adviser.push(Advice.HOLD, 1.5 + CALM_S)
+
+    assert (waits.advice, waits.why) == (
+        Advice.HOLD_STILL, "until the present state has lasted 1.5 s",
+    )  # fmt: skip
+    assert (waits.since_s, relapse.since_s) == (0.0, 0.0)
+    assert relapse.why == "the state of the grasp is unknown: do not go on"
+    assert (over.advice, over.why) == (Advice.HOLD, "the grasp is stable")
+
+
 def test_a_relapse_begins_the_calm_stretch_anew() -> None:
     adviser = Adviser()
     adviser.push(Advice.PUT_DOWN, 0.0)

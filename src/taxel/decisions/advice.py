@@ -38,6 +38,8 @@ _WHY = {
     Advice.GRIP_HARDER: "the grasp begins to slip",
     Advice.PUT_DOWN: "the grasp slips: stop, and put it down",
 }
+_WAITING = f"until the present state has lasted {CALM_S:g} s"
+"""The reason meanwhile: that of the word is no longer true."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +109,8 @@ class Adviser:
         elif now_s - self._milder[1] >= CALM_S:
             self._say(self._milder[0], why if advice is self._milder[0] else "", now_s)
             self._milder = None
+        if self._milder is not None:
+            self._say(self._given.advice, _WAITING, now_s)
         return self._given
 
     def _say(self, advice: Advice, why: str, now_s: float) -> None:
