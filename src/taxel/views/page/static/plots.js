@@ -116,14 +116,18 @@ export function probabilityTrace(place) {
     pen.font = font().replace(/\d+/, (n) => Number(n) * (window.devicePixelRatio || 1));
     const high = parseFloat(pen.font);
     let before = { y: Infinity, end: left };
-    for (const [name, colour] of [["clear", "#5fc3a8"], ["warn", "#f5b301"], ["unstable", "#ff6b5e"]]) {
-      if (!Number.isFinite(thresholds[name])) continue;
-      const y = u.valToPos(thresholds[name], "y", true);
-      line(u, pen, left, y, left + width, y, colour, [6, 4]);
-      pen.fillStyle = colour;
-      pen.textAlign = "left";
+    const levels = [["clear", "#5fc3a8"], ["warn", "#f5b301"], ["unstable", "#ff6b5e"]]
+      .filter(([name]) => Number.isFinite(thresholds[name]))
+      .map(([name, colour]) => ({ name, colour, y: u.valToPos(thresholds[name], "y", true) }));
+    for (const { y, colour } of levels) line(u, pen, left, y, left + width, y, colour, [6, 4]);
+    for (const { name, colour, y } of levels) {
       const x = (before.y - y < high ? before.end : left) + 0.4 * high; // beside a name that would be written over
-      pen.fillText(name, x, Math.max(y - 3, top + 0.9 * high));
+      const foot = Math.max(y - 3, top + 0.9 * high);
+      pen.textAlign = "left";
+      pen.fillStyle = "rgba(10,13,18,0.8)"; // no other level's line crosses the name
+      pen.fillRect(x - 2, foot - 0.85 * high, pen.measureText(name).width + 4, 1.1 * high);
+      pen.fillStyle = colour;
+      pen.fillText(name, x, foot);
       before = { y, end: x + pen.measureText(name).width };
     }
     let free = Infinity;
@@ -133,7 +137,9 @@ export function probabilityTrace(place) {
       if (x < left || x > left + width) continue;
       line(u, pen, x, top, x, top + height, "#c6d0de", [2, 3]);
       const wide = pen.measureText(text).width + 8;
-      if (x + 3 + wide > free || x + wide > left + width + 4) continue;
+      const fits = x + 3 + wide <= free && x + wide <= left + width + 4;
+      free = x; // a name stands within its own stretch, or not at all
+      if (!fits) continue;
       pen.textAlign = "left";
       pen.textBaseline = "top";
       pen.fillStyle = "rgba(10,13,18,0.8)";
@@ -141,7 +147,6 @@ export function probabilityTrace(place) {
       pen.fillStyle = "#c6d0de";
       pen.fillText(text, x + 4, top + 2);
       pen.textBaseline = "alphabetic";
-      free = x;
     }
   };
   const series = [{ stroke: "#6db8ff", width: 2, fill: "rgba(109,184,255,0.12)", points: { show: false } }];
