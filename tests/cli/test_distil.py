@@ -117,3 +117,20 @@ def test_what_cannot_be_meant_ends_in_one_line_and_writes_nothing(
     assert ended.value.code == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
     assert [path.name for path in tmp_path.iterdir()] == ["d"]
+
+
+def test_a_folder_behind_the_sizes_is_refused_with_where_it_belongs(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """What follows `--side-px` is read as sizes."""
+    words = ["distil", "--side-px", "64", "cups", "--backbone", "densenet121", "--output",
+             "out.safetensors"]  # fmt: skip
+
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == (
+        "taxel: needed values as its help gives them for --side-px, with files and folders before "
+        "that option; got 64, cups; run: taxel distil --help.\n"
+    )

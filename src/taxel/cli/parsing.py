@@ -37,6 +37,10 @@ _FORMS = (
         r"tuple\[float.*",
         "numbers, in the range that its help gives, for {option}",
     ),
+    (
+        r"Error parsing (?P<option>\S+): Could not find valid parse for arguments: \[(?P<got>.*)\]",
+        "values as its help gives them for {option}, with files and folders before that option",
+    ),
     (r"Unrecognized options: (?P<got>.*)", "options that this verb has"),
 )
 """What tyro says → what was needed."""
