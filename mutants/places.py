@@ -55,7 +55,11 @@ PLACES = {
     "windows": Place("src/taxel/windows/*.py", ("tests/windows",)),
     "splits": Place(
         "src/taxel/evaluation/splits.py",
-        ("tests/evaluation/test_splits.py", "tests/evaluation/test_split_details.py"),
+        (
+            "tests/evaluation/test_splits.py",
+            "tests/evaluation/test_split_details.py",
+            "tests/evaluation/test_split_refusals.py",
+        ),
     ),
     "decisions": Place("src/taxel/decisions/*.py", ("tests/decisions",)),
     "interlock": Place(
