@@ -139,6 +139,11 @@ def test_windows_without_any_value_end_a_contact_after_a_pause_at_once() -> None
     assert vote.add(faulty(0.7, 1.4, 0.9))[0] == UNKNOWN  # still
 
 
+def test_a_window_of_which_nothing_is_said_is_not_empty() -> None:
+    assert not at("a", [0.9, 0.1], 0.0).empty
+    assert (faulty(0.0, 0.1, 0.0).empty, faulty(0.0, 0.1, 0.01).empty) == (True, False)
+
+
 def test_where_a_mark_says_what_belongs_together_no_pause_parts_it() -> None:
     vote = GraspVote(CLASSES, gap_s=0.5).emptied()
     vote.add(at("a", [0.9, 0.1], 0.0))

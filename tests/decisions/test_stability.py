@@ -83,6 +83,7 @@ def test_without_debounce_it_answers_at_once() -> None:
     [
         (math.nan, 0.3, True, 0.3, "NaN"),
         (1.5, 0.3, True, 0.3, "no number within 0 and 1"),
+        (-0.1, 0.3, True, 0.3, "no number within 0 and 1"),
         (0.1, 0.3, False, 0.3, "images"),
         (0.1, 0.3, True, 0.5, "0.20 s old"),
         (0.1, math.nan, True, 0.3, "no time"),

@@ -7,6 +7,7 @@ import pytest
 
 from taxel.decisions.still_channels import (
     CHANCE,
+    CHANCE_ONCE,
     Motion,
     StillChannel,
     StillWatch,
@@ -82,6 +83,30 @@ def test_padding_is_no_change() -> None:
     values = np.array([[[1.0], [2.0], [0.0]]], np.float32)
 
     assert ranges_of(values, np.array([[True, True, False]])).tolist() == [[1.0]]
+
+
+def test_padding_does_not_hide_a_dead_channel() -> None:
+    """It stands at 1 in the five measured rows; padding holds 0."""
+    mask = (np.arange(STEPS) < 5)[None]
+    values = np.stack([np.arange(STEPS), np.ones(STEPS)], axis=1).astype(np.float32)[None]
+    padded = replace(window(0, (1.0, 0.0)), values=values * mask[:, :, None], mask=mask)
+    starts_s = (0.1 * np.arange(5))[:, None]
+    windows = [replace(padded, start_s=start, end_s=start + 0.09) for start in starts_s]
+    assert watched(windows, motion()) == [("b", 3)]
+
+
+def test_where_chance_allows_more_than_a_single_still_window_one_is_needed() -> None:
+    """A window in 500 is rarer than 0.01 for two channels, however long a channel then rests."""
+    rests = replace(motion(), again=np.array([0.5, 0.9]))
+    assert rests.needed(CHANCE_ONCE).tolist() == [1, 1]
+
+
+def test_training_of_as_many_windows_as_json_counts_exactly_is_read() -> None:
+    data = motion_to_json(motion())
+    assert motion_from_json(Fields(data | {"windows": 2**53}, "motion"), 2).windows == 2**53
+    for bad in (0, 2**53 + 1):
+        with pytest.raises(ValueError, match="windows"):
+            motion_from_json(Fields(data | {"windows": bad}, "motion"), 2)
 
 
 def test_the_figures_survive_json_and_damaged_ones_are_refused() -> None:

@@ -252,6 +252,19 @@ def test_what_is_stored_gives_what_was_stored():
     assert new.rejected == old.rejected
 
 
+def test_of_two_channels_six_figures_are_projected():
+    """Level, deviation and change of each; a seventh figure belongs to no channel."""
+    six = np.arange(6.0)[:, None]
+    stored = level_only()
+    before = replace(plain(2, lag=1), densities=(replace(stored.densities[0], projection=six),))
+    after = unknown_from_json(unknown_to_json(before))
+    np.testing.assert_array_equal(after.densities[0].projection, six)
+
+    seven = replace(before.densities[0], projection=np.arange(7.0)[:, None])
+    with pytest.raises(ValueError, match="projection"):
+        unknown_from_json(unknown_to_json(replace(before, densities=(seven,))))
+
+
 def test_a_contact_shorter_than_any_known_one_is_measured_against_the_shortest():
     stored = level_only()
     density = replace(stored.densities[0], contacts={3: KNOWN, 5: KNOWN / 10.0})
