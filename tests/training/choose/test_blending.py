@@ -95,12 +95,6 @@ def test_what_beats_the_mean_of_kinds_gets_half_of_the_weight():
     assert found.weights == pytest.approx((2 / 3, 1 / 6, 1 / 6))
 
 
-def test_a_mix_that_holds_the_mean_only_stays_as_it_is():
-    better, mean = Mix((3,), (1.0,), "this model"), Mix((3,), (1.0,), "one model alone")
-
-    assert _halved(better, mean) == better
-
-
 def test_half_of_each_weight_is_added_where_a_member_is_in_both():
     better, mean = Mix((2, 0), (0.75, 0.25), "a greedy blend"), Mix((0, 1), (0.5, 0.5), "")
 

@@ -190,8 +190,6 @@ def _halved(better: Mix, mean: Mix) -> Mix:
     for part in (better, mean):
         for member, weight in zip(part.members, part.weights, strict=True):
             weights[member] = weights.get(member, 0.0) + 0.5 * weight
-    if len(weights) == 1:
-        return better
     rest = "the mean of the best model of each kind" if len(mean.members) > 1 else "one model alone"
     why = (
         f"half {better.why}, half {rest}: the former is clearly better on inner folds, the latter "
