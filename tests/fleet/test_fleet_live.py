@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from socket import socket
 
 import httpx
 import pytest
@@ -200,3 +201,19 @@ def test_json_is_what_the_page_shows(
     found = json.loads(capsys.readouterr().out)
     assert [row["station"] for row in found["stations"]] == ["bench"]
     assert found["broker"]["connected"]
+
+
+def test_a_fleet_whose_broker_never_answered_is_bad_input(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from taxel.cli.main import main
+
+    with socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # bound and never listening: nobody answers there
+        place = f"127.0.0.1:{taken.getsockname()[1]}"
+        with pytest.raises(SystemExit) as ended:
+            main(["fleet", f"mqtt://{place}", "--seconds", "0.2", "--json"])
+    printed = capsys.readouterr()
+    assert ended.value.code == 2
+    assert json.loads(printed.out)["broker"]["connected"] is False
+    assert f"needed a broker at {place}; got" in printed.err

@@ -46,7 +46,7 @@ def test_a_window_across_a_border_is_left_out_and_said(tmp_path: Path):
     firsts = dataset.windows.values[:, 0, 0]
     assert sorted(firsts.tolist()) == [float(s) for s in range(0, 200, 10) if s != 90]
     (note,) = dataset.notes
-    assert note.startswith("1 windows lie across a trial's border or between trials")
+    assert note.startswith("1 window across a trial's border or between trials, without a label")
     np.testing.assert_array_equal(
         np.array(dataset.classes("shape"))[dataset.class_numbers("shape")],
         ["sphere" if first < 95 else "cylinder" for first in firsts],
@@ -85,7 +85,7 @@ def test_a_window_with_an_unusable_value_is_left_out_and_said(tmp_path: Path):
     dataset = load_dataset(tmp_path, CONFIG, target="shape")
     assert 50.0 not in dataset.windows.values[:, 0, 0]
     assert 0.0 in dataset.windows.values[:, 0, 0]
-    assert dataset.notes == ("1 windows hold values that are missing or NaN: left out",)
+    assert dataset.notes == ("1 window with missing values or NaN: left out",)
     assert dataset.missing == 1
     (tmp_path / "whole").mkdir()
     record(tmp_path / "whole", "a", [])
@@ -102,9 +102,9 @@ def test_windows_left_out_are_counted_by_cause_and_so_are_trials(tmp_path: Path)
                            grasp(400, 404, "cone")], samples[kept])  # fmt: skip
     dataset = load_dataset(tmp_path, replace(CONFIG, grid_hz=50.0))
     stale, missing, trials = dataset.notes
-    assert stale.startswith("10 windows hold rows whose latest scan is over 30 ms old")
-    assert missing.startswith("1 windows hold values that are missing")
-    assert trials.startswith("2 of 3 trials gave no window")
+    assert stale.startswith("10 windows with rows whose latest scan is over 30 ms old")
+    assert missing.startswith("1 window with missing values")
+    assert trials.startswith("2 of 3 trials without a window")
 
 
 def test_a_grid_far_slower_than_the_sensor_is_said(tmp_path: Path):
@@ -153,7 +153,7 @@ def test_a_short_trial_is_padded_where_asked_and_said(tmp_path: Path):
         load_dataset(tmp_path, CONFIG, target="shape")
     dataset = load_dataset(tmp_path, replace(CONFIG, pad=True), target="shape")
     assert dataset.windows.padded == 1
-    assert dataset.notes == ("1 of 4 sequences are shorter than 10 rows: padded and masked",)
+    assert dataset.notes == ("1 of 4 sequences shorter than 10 rows: padded and masked",)
 
 
 def test_only_the_trials_asked_for_are_taken(tmp_path: Path):
@@ -232,7 +232,7 @@ def test_two_labels_joined_are_one_to_predict(tmp_path: Path):
         load_dataset(tmp_path, CONFIG, target="shape+size")
 
 
-@pytest.mark.parametrize(("steps", "noun"), [(1, "scans"), (10, "windows")])
+@pytest.mark.parametrize(("steps", "noun"), [(1, "scan"), (10, "window")])
 def test_what_is_left_out_of_windows_of_one_row_is_called_scans(
     tmp_path: Path, steps: int, noun: str
 ):
@@ -240,4 +240,4 @@ def test_what_is_left_out_of_windows_of_one_row_is_called_scans(
     samples.validity[57, 1] = Validity.MISSING
     record(tmp_path, "a", [], samples)
     (note,) = load_dataset(tmp_path, WindowConfig(steps=steps, stride=steps)).notes
-    assert note == f"1 {noun} hold values that are missing or NaN: left out"
+    assert note == f"1 {noun} with missing values or NaN: left out"

@@ -34,7 +34,7 @@ def test_the_share_that_is_filled_in_is_said_in_the_mean_and_at_most():
         filled=np.array([0.0, 0.1, 0.2, 0.6], np.float32),
     )  # fmt: skip
     (note,) = filled_note(windows)
-    assert note.startswith("3 of 4 windows have short gaps")
+    assert note.startswith("3 of 4 windows with short gaps")
     assert note.endswith("30 % of their values in the mean, 60 % at most")
 
 
@@ -110,3 +110,5 @@ def test_of_a_padded_window_the_channel_most_often_saturated_counts():
 
 def test_a_scan_s_largest_age_is_said_in_milliseconds():
     assert too_old(WindowConfig(max_age_s=0.6)) == "over 600 ms old"
+    assert too_old(WindowConfig(max_age_s=1.5)) == "over 1.5 s old"
+    assert too_old(WindowConfig(max_age_s=1.0)) == "over 1 s old"

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset
 from taxel.labels.class_order import refuse_reserved
 from taxel.labels.trials import Trial
+from taxel.plain_text import number_of
 from taxel.signals import SensorInfo
 from taxel.windows.config import MOST_RATE_CHANGE, SLOW_GRID, WindowConfig
 from taxel.windows.windower import Windows
@@ -25,7 +26,7 @@ MORE_WINDOWS = (
     "choose fewer steps, a lower gate or another --window grid=; taxel info shows what is missing"
 )
 """What helps where trials gave no window, for messages."""
-OUTSIDE = "lie across a trial's border or between trials"
+OUTSIDE = "across a trial's border or between trials"
 """Of windows that belong to no one trial."""
 _UNEVEN = 5
 """A class with so many times fewer trials than the commonest is rare. Source: our choice."""
@@ -98,7 +99,7 @@ def nothing_usable(windows: int, stale: int, config: WindowConfig) -> BadDataset
     if stale < windows:
         got, mend = "each window holds missing, stale or NaN values", ""
     else:
-        got = f"in each of {windows} windows a row's latest scan is {too_old(config)}"
+        got = f"in every window ({windows}) a row's latest scan is {too_old(config)}"
         mend = ", or take each scan as a row: --window grid=own"
     return BadDataset(
         "at least one window of usable values",
@@ -109,7 +110,8 @@ def nothing_usable(windows: int, stale: int, config: WindowConfig) -> BadDataset
 
 def too_old(config: WindowConfig) -> str:
     """Return when a scan is too old for a row, in words."""
-    return f"over {1000 * (config.max_age_s or 0.0):.3g} ms old"
+    age_s = config.max_age_s or 0.0
+    return f"over {age_s:.3g} s old" if age_s >= 1.0 else f"over {1000 * age_s:.3g} ms old"
 
 
 def check_size(
@@ -232,7 +234,7 @@ def filled_note(windows: Windows) -> list[str]:
     if not len(filled):
         return []
     return [
-        f"{len(filled)} of {len(windows)} windows have short gaps, which are filled in between "
+        f"{len(filled)} of {number_of(len(windows), 'window')} with short gaps, filled in between "
         f"their neighbours: {100 * float(filled.mean()):.2g} % of their values in the mean, "
         f"{100 * float(filled.max()):.2g} % at most"
     ]

@@ -18,6 +18,7 @@ from taxel.errors import BadDataset
 from taxel.labels.class_order import in_order
 from taxel.labels.joined import with_joined_label, with_joined_labels
 from taxel.labels.trials import TIME, Trial, group_value, trials_of
+from taxel.plain_text import number_of
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.checks import (
@@ -246,21 +247,21 @@ def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
         whole, stale = np.ones(len(windows), bool), 0
     notes = grid_note(cut.sensor, config)
     if cut.outside:
-        notes.append(f"{cut.outside} windows {OUTSIDE}, and so have no label: left out")
+        notes.append(f"{number_of(cut.outside, 'window')} {OUTSIDE}, without a label: left out")
     if stale:
         notes.append(
-            f"{stale} windows hold rows whose latest scan is {too_old(config)}: left out; "
-            "--window grid=own takes each scan as a row"
+            f"{number_of(stale, 'window')} with rows whose latest scan is {too_old(config)}: "
+            "left out; --window grid=own takes each scan as a row"
         )
     if unusable := int((~whole).sum()) - stale:
-        noun = "scans" if config.steps == 1 else "windows"
-        notes.append(f"{unusable} {noun} hold values that are missing or NaN: left out")
+        noun = "scan" if config.steps == 1 else "window"
+        notes.append(f"{number_of(unusable, noun)} with missing values or NaN: left out")
     windows, trial = windows[whole], trial[whole]
     notes += filled_note(windows)
     if windows.padded:
         notes.append(
-            f"{windows.padded} of {len(windows)} sequences are shorter than "
-            f"{config.steps} rows: padded and masked"
+            f"{windows.padded} of {number_of(len(windows), 'sequence')} shorter than "
+            f"{number_of(config.steps, 'row')}: padded and masked"
         )
     if not len(windows):
         raise nothing_usable(len(whole), stale, config)
@@ -271,8 +272,8 @@ def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
     used, trial = np.unique(trial, return_inverse=True)
     if without := len(cut.trials) - len(used):
         notes.append(
-            f"{without} of {len(cut.trials)} trials gave no window: too short, below the gate or "
-            "not usable"
+            f"{without} of {number_of(len(cut.trials), 'trial')} without a window: too short, "
+            "below the gate or not usable"
         )
     kept = tuple(cut.trials[index] for index in used)
     empty = tuple(cut.trials[index] for index in sorted(set(range(len(cut.trials))) - set(used)))

@@ -11,6 +11,7 @@ from taxel.cli.options.page_address import LOCAL_ADDRESS, PageAddress, parse_add
 from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.cli.recordings.recording import SUMMARY_FOLLOWS, stop_signals
 from taxel.errors import BadInput
+from taxel.plain_text import visible_line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +54,12 @@ class Fleet:
             found = watch.snapshot()
         if self.json:
             print_json(found)
-            return
-        console.print(fleet_table(found["stations"]))
-        say(fleet_line(found))
+        else:
+            console.print(fleet_table(found["stations"]))
+            say(fleet_line(found))
+        broker = found["broker"]
+        if not broker["connected"] and not found["stations"]:
+            raise BadInput(
+                f"a broker at {broker['address']}", visible_line(broker["why"], 200),
+                "start it, or name another address",
+            )  # fmt: skip
