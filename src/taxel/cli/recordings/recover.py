@@ -37,7 +37,7 @@ class Recover:
                 self.file,
                 self.output,
                 overwrite=self.overwrite,
-                progress=lambda share: bars.update(bar, completed=100 * share),
+                progress=lambda share: bars.update(bar, completed=int(100 * share)),
             )
         if self.json:
             print_json({"recording": str(self.output), **report.as_dict()}, indent=None)
