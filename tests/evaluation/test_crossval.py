@@ -50,6 +50,15 @@ def test_a_learnable_set_is_learned_and_the_trivial_baselines_are_not_fooled() -
     assert trivial["length of the trial"] < 0.5
 
 
+def test_of_few_windows_a_baseline_still_finds_what_the_channel_means_give_away() -> None:
+    """With leaves of five windows 24 training windows of six classes have four leaves at most."""
+    dataset = make_dataset(sessions=3, trials_a_session=12, windows_a_trial=1, classes=6)
+    split = by_group(dataset, "shape", "session", 3, seed=0)
+    trivial = trivial_accuracies(dataset, "shape", split.folds)
+    assert trivial["channel means"] > 0.8
+    assert trivial["length of the trial"] < 0.5
+
+
 @pytest.mark.slow
 def test_majority_is_what_the_best_constant_answer_reaches_whatever_is_held_out() -> None:
     """With objects held out the training part's commonest class is never that of the test."""

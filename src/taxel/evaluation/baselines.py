@@ -20,6 +20,9 @@ from taxel.windows.dataset import Dataset
 _TREES = 20
 _LEAF = 5
 """Windows a leaf at the least, so that the trees find a rule and not the single window."""
+_OF_A_CLASS = 50
+"""Training windows of a class for each window of a leaf: of 40 trials, leaves of five would leave a
+baseline no rule to find. Source: our choice, docs/decisions/0025."""
 
 Features = Callable[[Dataset], NDArray[np.float32]]
 
@@ -126,7 +129,8 @@ def below_majority(trivial: Mapping[str, float]) -> str | None:
 def _trees(
     train: NDArray[np.float32], y: NDArray[np.intp], test: NDArray[np.float32]
 ) -> NDArray[np.intp]:
-    trees = ExtraTreesClassifier(_TREES, min_samples_leaf=_LEAF, random_state=0, n_jobs=1)
+    leaf = max(1, min(_LEAF, len(y) // (_OF_A_CLASS * len(np.unique(y)))))
+    trees = ExtraTreesClassifier(_TREES, min_samples_leaf=leaf, random_state=0, n_jobs=1)
     factors = enlarging(train)
     trees.fit(enlarged(train, factors), y)
     return np.asarray(trees.predict(enlarged(test, factors)), np.intp)
