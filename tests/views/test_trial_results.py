@@ -141,7 +141,7 @@ def test_classes_are_shown_by_the_numbers_in_their_names() -> None:
     console = Console(width=200, record=True, file=io.StringIO())
     whole = replace(scored("taxel", 0.5, 0.5, ""), probabilities=np.full((24, 2), 0.5))
     console.print(trial_tables(trials, split, [whole], []))
-    assert "kind: 12 m2, 12 m10;" in console.export_text()
+    assert "kind: m2 (12), m10 (12);" in console.export_text()
 
 
 def test_trials_of_a_class_that_the_bundle_never_learned_are_counted() -> None:

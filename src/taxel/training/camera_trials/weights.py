@@ -106,4 +106,5 @@ def sharpened(probabilities: NDArray[np.float64], power: float) -> NDArray[np.fl
 
 def log_loss(probabilities: NDArray[np.float64], y: NDArray[np.intp]) -> float:
     """Return the mean negative logarithm of the true class's probability, nats."""
-    return float(-np.log(np.maximum(probabilities[np.arange(len(y)), y], LEAST)).mean())
+    found = float(np.log(np.maximum(probabilities[np.arange(len(y)), y], LEAST)).mean())
+    return 0.0 - found  # not -0.0 where all are certain and correct

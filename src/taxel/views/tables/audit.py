@@ -49,7 +49,9 @@ def audit_table(found: Audit, *, everything: bool = False) -> RenderableType:
 
 def _what(found: Audit) -> str:
     trials = sum(found.classes.values())
-    classes = ", ".join(f"{visible_names([name])} {count}" for name, count in found.classes.items())
+    classes = ", ".join(
+        f"{visible_names([name])}: {count}" for name, count in found.classes.items()
+    )
     split = f"split: {found.split}" if found.split else "no split given"
     return (
         f"{found.data}: {found.kind}, {number_of(trials, 'trial')}, label {found.target!r} "

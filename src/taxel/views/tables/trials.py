@@ -159,7 +159,8 @@ def trial_count(trials: int) -> str:
 def _head(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
     ordered = sorted(enumerate(trials.classes), key=lambda pair: by_numbers(pair[1]))
     counts = ", ".join(
-        f"{int((trials.y == number).sum())} {visible_names([name])}" for number, name in ordered[:8]
+        f"{visible_names([name])} ({int((trials.y == number).sum())})"
+        for number, name in ordered[:8]
     )
     more = f", and {len(trials.classes) - 8} more classes" if len(trials.classes) > 8 else ""
     layout = trials.layout
