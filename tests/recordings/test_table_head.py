@@ -117,3 +117,9 @@ def test_an_array_has_no_time_stamps(tmp_path):
         read(tmp_path / "a.npy", "1[N]", "3[iso]")
     with pytest.raises(BadTable, match="needed times as numbers in an array"):
         import_table(tmp_path / "table.csv", tmp_path / "out")
+
+
+def test_a_first_row_of_overloads_is_no_line_of_units(tmp_path):
+    (tmp_path / "a.csv").write_text("a,b\nOL,ovld\n1.5,-2\n2.5,3\n")
+    columns, time = parse_columns("a[V] b[V]", "here"), parse_time("rate:10Hz", "here")
+    assert len(read_table(tmp_path / "a.csv", columns, time, "keep").values) == 3
