@@ -88,6 +88,7 @@ VALUES = {
     "flash firmware": "fw",
     "doctor output": "folder",
     "missing": "keep",
+    "repeated-times": "drop",
     "bundle data": "s",
     "report data": "s",
     "wait-s": "3",

@@ -59,6 +59,8 @@ def test_a_message_counts_the_lines_that_were_passed_over(tmp_path):
     ("2024-03-01 23:59:59.995", "2024-03-02 00:00:00.005"),
     ("2024-03-01T12:00:00.250Z", "2024-03-01T13:00:00.260+01:00"),
     ("12:00:00.250", "12:00:00.260"),
+    ("2024/03/01/12:00:00.250000", "2024/03/01/12:00:00.260000"),
+    ("2024/03/01 12:00:00.25", "2024/03/01 12:00:00.26"),
     ("2024-03-01T12:00:00.250000000", "2024-03-01T12:00:00.260000000"),
 ])  # fmt: skip
 def test_time_stamps_are_read_as_they_stand(tmp_path, first, second):
@@ -75,7 +77,9 @@ def test_a_stamp_read_as_a_number_is_refused_with_what_to_write(tmp_path):
         read(tmp_path / "a.csv")
 
 
-@pytest.mark.parametrize("cell", ["03/04/2024 12:00", "20240301", "", "12:61:00", "17.5"])
+@pytest.mark.parametrize("cell", [
+    "03/04/2024 12:00", "2024/03/01", "24/03/01 12:00:00", "20240301", "", "12:61:00", "17.5",
+])  # fmt: skip
 def test_a_stamp_that_is_not_certain_is_refused(tmp_path, cell):
     (tmp_path / "a.csv").write_text(f"t,a,b\n{cell},1,2\n")
     with pytest.raises(BadTable, match=r"needed a time stamp such as .* line 2, column 't'"):
@@ -113,3 +117,9 @@ def test_an_array_has_no_time_stamps(tmp_path):
         read(tmp_path / "a.npy", "1[N]", "3[iso]")
     with pytest.raises(BadTable, match="needed times as numbers in an array"):
         import_table(tmp_path / "table.csv", tmp_path / "out")
+
+
+def test_a_first_row_of_overloads_is_no_line_of_units(tmp_path):
+    (tmp_path / "a.csv").write_text("a,b\nOL,ovld\n1.5,-2\n2.5,3\n")
+    columns, time = parse_columns("a[V] b[V]", "here"), parse_time("rate:10Hz", "here")
+    assert len(read_table(tmp_path / "a.csv", columns, time, "keep").values) == 3

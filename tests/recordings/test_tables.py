@@ -145,7 +145,7 @@ def test_a_wrong_csv_is_refused_by_file_line_and_column(tmp_path, content, words
 
 def test_cells_without_a_value_can_be_kept(tmp_path):
     """With missing="keep" they come as NaN, however they are written; other text is refused."""
-    words = ["", "nan", "NA", "n/a", "#N/A", "<NA>", "NULL", "None", " "]
+    words = ["", "nan", "NA", "n/a", "#N/A", "<NA>", "NULL", "None", " ", "OL", "ovld", "Overload"]
     lines = [f"{row},{word},4" for row, word in enumerate(words)]
     (tmp_path / "a.csv").write_text("\n".join(["t,a,b", *lines, ""]))
     table = read_table(tmp_path / "a.csv", VOLTS, MILLISECONDS, "keep")
@@ -264,8 +264,8 @@ def test_one_of_several_columns_of_a_name_is_taken_by_its_number(tmp_path):
     ("0 10 8 20 30 0 10", "0 s after 0.03 s in {}, line 7: time goes back 2 times, 1 of them to "),
     ("0 10 20 15 30", "0.015 s after 0.02 s in {}, line 5: time goes back once; sort the rows"),
     ("30 20 10", "0.02 s after 0.03 s in {}, line 3: time goes back 2 times; sort the rows, or gi"),
-    ("0 10 10 20 20", "0.01 s after 0.01 s in {}, line 4: 2 rows have the time of the row above; "
-     "leave such rows out, or give a rate"),
+    ("0 10 10 20 20", "0.01 s after 0.01 s in {}, line 4: 2 of 5 rows have the time of the row "
+     "above; give a rate instead of a time column, for the clock is too coarse"),
 ])  # fmt: skip
 def test_times_that_go_back_are_said_with_how_often(tmp_path, times, words):
     """Only rows in a wrong order are mended by sorting: that would mix trials with one another."""
@@ -305,7 +305,7 @@ def test_a_table_with_a_row_for_each_channel_is_not_thinned_out(tmp_path):
     """To leave out rows of the same time would leave out all channels but the first."""
     (tmp_path / "a.csv").write_text("t,a,b\n0,1,2\n0,2,2\n10,1,2\n10,2,2\n20,1,2\n20,2,2\n")
     message = refusal(tmp_path / "a.csv")
-    assert "3 rows have the time of the row above; leave such rows out, or give a rate" in message
+    assert "3 of 6 rows have the time of the row above; give a rate" in message
     assert "if each row holds one channel, write the channels side by side" in message
 
 

@@ -17,7 +17,8 @@ MOST_ABOVE = 200
 """Lines of a head. LabVIEW and force plates write some 20 to 60. Source: our choice."""
 _HINT = re.compile(r'"?sep=."?')
 """Excel's own first line, which says what separates."""
-_NO_UNITS = frozenset(("n/a", "#n/a", "na", "nan", "null", "none", "missing", "#value!"))
+_NO_UNITS = frozenset(("n/a", "#n/a", "na", "nan", "null", "none", "missing", "#value!", "ol",
+                       "ovld", "overload"))  # fmt: skip
 """Words that stand for a missing value, so that their line is one of values. Our choice."""
 _LONGEST_UNIT = 16
 """Characters, brackets included. Source: our choice."""

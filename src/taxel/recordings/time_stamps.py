@@ -1,12 +1,14 @@
 """Dates with times, and times of day, as loggers write them into tables: seconds from texts.
 
 Read are ISO 8601, `2024-03-01T12:00:00.250Z`, also with a blank for the T and without an offset,
-and times of day, `12:00:00.250`. Nothing else is: whether 03/04 is in March or April is not
-certain. Knows nothing about tables' forms or recordings.
+as ROS writes them, `2024/03/01/12:00:00.250` and `2024/03/01 12:00:00.250`, and times of day,
+`12:00:00.250`. Nothing else is: whether 03/04 is in March or April is not certain. Knows nothing
+about tables' forms or recordings.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from datetime import UTC, datetime, time
 from pathlib import Path
@@ -18,6 +20,8 @@ from taxel.errors import BadTable
 
 _SHORTEST = len("12:00")
 """Characters; a number such as 20240301 would be read as a date."""
+_SLASHES = re.compile(r"^([0-9]{4})/([0-9]{2})/([0-9]{2})[/ T](?=[0-9])")
+"""What stands before the time of a stamp whose year comes first."""
 
 
 def is_stamp(cell: str) -> bool:
@@ -45,8 +49,8 @@ def seconds_of(path: Path, cells: Sequence[str], name: str, first_line: int) -> 
         seconds = stamp_s(cell)
         if seconds is None:
             raise BadTable(
-                "a time stamp such as 2024-03-01T12:00:00.250, 2024-03-01 12:00:00.250 or "
-                "12:00:00.250",
+                "a time stamp such as 2024-03-01T12:00:00.250, 2024-03-01 12:00:00.250, "
+                "2024/03/01/12:00:00.250 or 12:00:00.250",
                 f"{cell[:80]!r} in {path}, line {row + first_line}, column {name[:80]!r}",
                 "write times so, or as seconds, or give a rate instead of a time column",
             )
@@ -56,7 +60,7 @@ def seconds_of(path: Path, cells: Sequence[str], name: str, first_line: int) -> 
 
 def stamp_s(cell: str) -> float | None:
     """Return a time stamp as `seconds_of` does; None where it is none."""
-    text = cell.strip()
+    text = _SLASHES.sub(r"\1-\2-\3T", cell.strip(), count=1)
     if len(text) < _SHORTEST or ":" not in text:
         return None
     try:

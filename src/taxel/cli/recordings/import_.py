@@ -78,6 +78,10 @@ class Import:
     """Arrays, with empty cells, NaN, NA or infinity: refuse the file (the default), or keep them,
     flagged as invalid. Rows of NaN at the end of a trial in a stack are padding unless they are
     kept."""
+    repeated_times: Literal["refuse", "drop"] | None = None
+    """Arrays, with rows that repeat the time of the row above: refuse the file (the default), or
+    drop such rows, so that the first row of a time is kept, and count them. A file in which more
+    than 5 % of the rows repeat is refused all the same: its clock is too coarse; give a rate."""
     allow_code: bool = False
     """Run layouts of the form module.py:function; they can do whatever you can."""
     allow_outside: bool = False
@@ -126,6 +130,7 @@ class Import:
         ):
             for name, given in (
                 ("--intervals", self.intervals), ("--missing", self.missing),
+                ("--repeated-times", self.repeated_times),
                 ("--allow-code", self.allow_code),
             ):  # fmt: skip
                 if given:
@@ -142,8 +147,9 @@ class Import:
             rows = KNOWN[self.table].rows(self.data)
         intervals = intervals_of(rows, self.intervals)
         options = ImportOptions(
-            missing=self.missing or "refuse", allow_code=self.allow_code, overwrite=self.overwrite
-        )
+            missing=self.missing or "refuse", repeated_times=self.repeated_times or "refuse",
+            allow_code=self.allow_code, overwrite=self.overwrite,
+        )  # fmt: skip
         made = import_rows(
             rows, self.output, code_dir=table.parent, intervals=intervals, options=options,
             progress=progress, on_file=on_file,

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +35,7 @@ from taxel.recordings.imports.notes import (
     lying_of,
 )
 from taxel.recordings.imports.row_labels import marks_by_row, remarks_on_rows
+from taxel.recordings.imports.row_times import Repeated, check_time
 from taxel.recordings.imports.rows import ImportRow, read_rows
 from taxel.recordings.imports.spelling import composed
 from taxel.recordings.imports.table_columns import text_cells
@@ -53,6 +54,9 @@ class ImportOptions:
 
     missing: Missing = "refuse"
     """Empty cells, NaN and infinity: refuse the file, or keep them flagged as not finite."""
+    repeated_times: Repeated = "refuse"
+    """Rows that repeat the time of the row above: refuse the file, or leave such rows out, if they
+    are few."""
     allow_code: bool = False
     """Run layouts of the form module.py:function."""
     allow_outside: bool = False
@@ -208,7 +212,9 @@ def _import_file(
         raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
     padding = Padding()
     if row.trial is not None:
-        table, padding = row.trial.source.table(row.trial.index, options.missing)
+        table, padding = row.trial.source.table(
+            row.trial.index, options.missing, options.repeated_times
+        )
     else:
         table = _read(row, code_dir, options)
     samples = Samples.from_values(table.values, table.time_s, row.full_scale)
@@ -221,7 +227,7 @@ def _import_file(
         full_scale=row.full_scale,
         details={"imported_from": row.file.name, "layout": row.layout} | dict(row.details),
     )
-    marks = _marks(row, intervals, samples, info)
+    marks = _marks(row, intervals, samples, info, table.repeated)
     labels, groups = _composed(row.labels), _composed(row.groups)
     recorder = Recorder(path, Manifest(sensor=info, labels=labels, groups=groups))
     try:
@@ -247,6 +253,8 @@ def _import_file(
         decimal_comma=table.decimal_comma,
         one_more=table.one_more,
         passed_over=table.passed_over,
+        scans=len(samples),
+        repeated=len(table.repeated),
         rate_hz=info.rate_hz,
         time=row.time if row.layout == "csv" and not row.time.strip().startswith("rate:") else "",
         gaps=gaps,
@@ -256,9 +264,21 @@ def _import_file(
 
 
 def _marks(
-    row: ImportRow, intervals: Sequence[Interval], samples: Samples, info: SensorInfo
+    row: ImportRow,
+    intervals: Sequence[Interval],
+    samples: Samples,
+    info: SensorInfo,
+    left_out: Collection[int],
 ) -> list[Mark]:
-    """Return a recording's marks: of a table of intervals, or of labels that stand in its rows."""
+    """Return a recording's marks: of a table of intervals, or of labels that stand in its rows.
+
+    Args:
+        row: What the file is.
+        intervals: Labelled intervals of it.
+        samples: Its scans.
+        info: Its sensor.
+        left_out: Rows, from 0, of which there is no scan.
+    """
     if not row.by_row:
         return marks_of(intervals, samples.fitted_s, info.rate_hz)
     if intervals:
@@ -277,6 +297,8 @@ def _marks(
         assert isinstance(row.trial.source, TextTrials)
         source, index = row.trial.source, row.trial.index
         cells = [source.by_row(index, column) for column in columns]
+    if left_out:
+        cells = [np.delete(np.array(own, object), list(left_out)).tolist() for own in cells]
     marks = marks_by_row(dict(zip(row.by_row, cells, strict=True)), samples.fitted_s)
     if not marks and not row.labels:
         raise BadTable(
@@ -315,6 +337,7 @@ def _read(row: ImportRow, code_dir: Path, options: ImportOptions) -> Table:
             tables.parse_columns(row.channels, where),
             tables.parse_time(row.time, where),
             options.missing,
+            repeated=options.repeated_times,
             but=row.by_row.values(),
         )
     reader = find_layout(row.layout, code_dir, options.allow_code)
@@ -336,7 +359,7 @@ def _read(row: ImportRow, code_dir: Path, options: ImportOptions) -> Table:
         ) from error
     _check_shapes(row, table)
     tables.check_values(row.file, table.values, table.names, options.missing)
-    tables.check_time(row.file, table.time_s)
+    table = table.without(check_time(row.file, table.time_s, options.repeated_times))
     return _select(table, row, where) if row.channels else table
 
 
@@ -364,9 +387,9 @@ def _select(table: Table, row: ImportRow, where: str) -> Table:
             f"channels out of {', '.join(table.names)}", f"{unknown[0]!r} in {where}", "correct it"
         )
     places = [table.names.index(column.name) for column in columns]
-    return Table(
+    return replace(
+        table,
         values=table.values[:, places],
-        time_s=table.time_s,
         names=tuple(column.name for column in columns),
         units=tuple(column.unit for column in columns),
     )

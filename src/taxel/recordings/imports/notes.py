@@ -59,6 +59,10 @@ class FileFacts:
     """Whether each of its rows ends in a separator, though the line of names does not."""
     passed_over: str = ""
     """Which of its lines around the names are no rows, and why; or empty."""
+    scans: int = 0
+    """How many were imported."""
+    repeated: int = 0
+    """Rows that were left out, as they repeat the time of the row above."""
     rate_hz: float = 0.0
     """Scans a second, hertz, by the median step; 0 for a single scan."""
     time: str = ""
@@ -146,6 +150,7 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
                 "more notes of this kind on other files"),
         *_paddings([facts for facts in files if facts.padding], len(files)),
         *_zeros([facts for facts in files if facts.zeros >= ZEROS], len(files)),
+        *_repeated([facts for facts in files if facts.repeated], files),
         *_number_headers([facts for facts in files if facts.number_header]),
         *_decimal_commas([facts for facts in files if facts.decimal_comma]),
         *_one_more([facts for facts in files if facts.one_more]),
@@ -195,6 +200,21 @@ def _zeros(files: Sequence[FileFacts], of: int) -> list[str]:
         f"{len(files)} of {of} trials end in rows of zeros, at most {most.zeros} ({most.file}); if "
         "these are padding, a model may learn from it how long a trial was: name an array of "
         "lengths in the column 'length'"
+    ]
+
+
+def _repeated(concerned: Sequence[FileFacts], files: Sequence[FileFacts]) -> list[str]:
+    if not concerned:
+        return []
+    count = sum(facts.repeated for facts in concerned)
+    share = count / (count + sum(facts.scans for facts in files))
+    most = max(concerned, key=lambda facts: facts.repeated)
+    has, was = ("has", "was") if count == 1 else ("have", "were")
+    where = f", at most {most.repeated}" if len(concerned) > 1 else ""
+    return [
+        f"{number_of(count, 'row')} ({100 * share:.2g} %) in {len(concerned)} of "
+        f"{number_of(len(files), 'file')} {has} the time of the row above and {was} left out"
+        f"{where} ({most.file})"
     ]
 
 

@@ -30,9 +30,9 @@ BLANKS = " "
 REMARK = "#"
 _SEPARATORS = ",;\t"
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
-NO_VALUE = {"", "na", "n/a", "#n/a", "<na>", "null", "none"}
+NO_VALUE = {"", "na", "n/a", "#n/a", "<na>", "null", "none", "ol", "ovld", "overload"}
 """Cells without a value, in small letters, beside NaN: what R, Excel and SQL write, and what
-pandas.read_csv takes for it."""
+pandas.read_csv takes for it; and what meters write for a value beyond their range."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

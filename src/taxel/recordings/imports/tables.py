@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadTable
-from taxel.recordings.imports.restarts import RESTARTS, restarts_of
+from taxel.recordings.imports.row_times import LARGEST_RATE_HZ, Repeated, check_time
 from taxel.recordings.imports.table_columns import (
     TextColumns,
     npy_columns,
@@ -28,13 +28,10 @@ from taxel.recordings.imports.table_columns import (
     text_names,
 )
 from taxel.recordings.imports.table_form import TEXT_ENDINGS, column_places
-from taxel.recordings.scan_layout import FURTHEST_S
 
 Missing = Literal["refuse", "keep"]
 """What happens to empty cells, NaN and infinity: an error, or kept and flagged NOT_FINITE."""
 
-LARGEST_RATE_HZ = 1e9
-"""Scans a second; more is a wrong unit. Source: our choice."""
 LARGEST_VALUE = float(np.finfo(np.float32).max)
 """Recordings hold values in 32 bits."""
 MOST_CHANNELS = 16_384
@@ -43,11 +40,6 @@ ALL = "*"
 """In the place of a channel's name: all columns but that of time."""
 TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Unit of a time column → seconds."""
-_DAY_S = 86_400.0
-"""A day, seconds."""
-_COUNTERS_S = (2**32 * 1e-6, 2**32 * 1e-3, 2**16 * 1e-3)
-"""Seconds after which counters begin anew: of 32 bits in microseconds, as Arduino's micros, and in
-milliseconds; of 16 bits in milliseconds."""
 STAMPS = "iso"
 """In the place of its unit: dates with times, or times of day (time_stamps.py)."""
 
@@ -87,6 +79,21 @@ class Table:
     """Whether each row ends in a separator, with an empty cell behind it that was left out."""
     passed_over: str = ""
     """Which lines around the names are no rows, and why, for a note; or empty."""
+    repeated: tuple[int, ...] = ()
+    """Rows, from 0, that were left out because they repeat the time of the row above."""
+
+    def without(self, rows: NDArray[np.intp]) -> Table:
+        """Return the table without rows of a repeated time.
+
+        Args:
+            rows: From 0, shape (k,).
+        """
+        if not len(rows):
+            return self
+        return replace(
+            self, values=np.delete(self.values, rows, axis=0),
+            time_s=np.delete(self.time_s, rows), repeated=tuple(rows.tolist()),
+        )  # fmt: skip
 
 
 def parse_columns(text: str, where: str) -> tuple[Column, ...]:
@@ -169,6 +176,7 @@ def read_table(
     time: TimeColumn,
     missing: Missing = "refuse",
     *,
+    repeated: Repeated = "refuse",
     in_trials: bool = False,
     but: Collection[str] = (),
 ) -> Table:
@@ -179,6 +187,7 @@ def read_table(
         columns: Wanted channels, in the order of the result.
         time: Where time comes from.
         missing: What happens to values that are not finite. Time must always be.
+        repeated: What happens to rows that repeat the time of the row above.
         in_trials: Whether times may begin anew; then they are not looked at.
         but: Columns that `*` leaves out, beside that of time: other calls take them.
 
@@ -205,9 +214,9 @@ def read_table(
     cells, first_line = text.values, text.first_line
     values = cells[:, : len(columns)]
     check_values(path, values, [column.name for column in columns], missing, first_line)
-    return Table(
+    table = Table(
         values=values,
-        time_s=_time_s(path, cells, time, None if in_trials else first_line),
+        time_s=_time_s(cells, time),
         names=tuple(column.name for column in columns),
         units=tuple(column.unit for column in columns),
         number_header=text.number_header,
@@ -215,6 +224,10 @@ def read_table(
         one_more=text.one_more,
         passed_over=text.passed_over,
     )
+    if in_trials or time.column is None:
+        return table
+    is_text = ending.endswith(TEXT_ENDINGS)
+    return table.without(check_time(path, table.time_s, repeated, first_line, text=is_text))
 
 
 def check_values(
@@ -242,104 +255,11 @@ def check_values(
     )
 
 
-def check_time(
-    path: Path | str, time_s: NDArray[np.float64], first_line: int = 1, *, text: bool = False
-) -> None:
-    """Refuse times that are not finite or do not increase.
-
-    Args:
-        path: The file, for messages; and the trial, where it holds several.
-        time_s: Shape (n,), seconds.
-        first_line: Number of the line that holds the first of them.
-        text: Whether it is a text, whose trials the column `trials` may tell apart.
-
-    Raises:
-        BadTable: Says file and line.
-    """
-    if not np.isfinite(time_s).all():
-        line = int(np.argmin(np.isfinite(time_s))) + first_line
-        raise BadTable("a time in every row", f"none in {path}, line {line}", "mend the file")
-    if (np.abs(time_s) > FURTHEST_S).any():
-        line = int(np.argmax(np.abs(time_s) > FURTHEST_S)) + first_line
-        raise BadTable(
-            f"times of at most {FURTHEST_S:g} s", f"{time_s[line - first_line]:.6g} s in {path}, "
-            f"line {line}", "correct the column's unit: s, ms, us or ns",
-        )  # fmt: skip
-    steps = np.diff(time_s)
-    if len(steps) and (steps > 0).all() and float(np.median(steps)) < 1.0 / LARGEST_RATE_HZ:
-        raise BadTable(
-            "scans at least 1 ns apart", f"{np.median(steps):.3g} s in {path}",
-            "correct the column's unit: s, ms, us or ns",
-        )  # fmt: skip
-    if (steps <= 0).any():
-        raise _no_increase(path, time_s, first_line, text=text)
-
-
-def _no_increase(
-    path: Path | str, time_s: NDArray[np.float64], first_line: int, *, text: bool
-) -> BadTable:
-    """Return the error of times that stand still or go back; where they begin anew it says so."""
-    steps, anew = np.diff(time_s), restarts_of(time_s)
-    if (wrapped := _began_anew(time_s, steps)) is not None:
-        row, mend = wrapped
-        return BadTable(
-            "times that increase from row to row",
-            f"{time_s[row]:.6g} s after {time_s[row - 1]:.6g} s in {path}, line {row + first_line}",
-            mend,
-        )
-    back = int((steps < 0).sum())
-    row = anew[0] if anew else int(np.argmax(steps < 0 if back else steps == 0)) + 1
-    got = f"{time_s[row]:.6g} s after {time_s[row - 1]:.6g} s in {path}, line {row + first_line}"
-    often = "once" if back == 1 else f"{back} times"
-    if anew:
-        own = "" if back == 1 else " each time" if len(anew) == back else f" {len(anew)} of them"
-        got += f": time goes back {often},{own} to about where it began"
-        mend = "a restart usually begins a new trial: " + (
-            f"write {RESTARTS} in the column 'trials' (or beside a column, as in run+{RESTARTS}) "
-            "to cut there, or name a column there that numbers the trials" if text
-            else "save each trial as an array or file of its own"
-        )  # fmt: skip
-    elif back:
-        got += f": time goes back {often}"
-        mend = "sort the rows, or give a rate instead of a time column"
-    else:
-        count = int((steps == 0).sum())
-        got += f": {count} {'row has' if count == 1 else 'rows have'} the time of the row above"
-        mend = "leave such rows out, or give a rate instead of a time column"
-        if 2 * count >= len(time_s) - 1:  # as of a table with a row for each channel
-            mend += "; if each row holds one channel, write the channels side by side, in columns"
-    return BadTable("times that increase from row to row", got, mend)
-
-
-def _began_anew(time_s: NDArray[np.float64], steps: NDArray[np.float64]) -> tuple[int, str] | None:
-    """Return the row at which a clock began anew within a trial, and what to do; None without one.
-
-    At midnight, or where a counter's bits were used up: both are known by how far time goes back.
-    """
-    if time_s.min() >= 0 and time_s.max() < _DAY_S and steps.min() < -_DAY_S / 2:
-        mend = "if these are times of day, and midnight lies between, write the dates too"
-        return int(np.argmin(steps)) + 1, mend
-    usual = float(np.median(steps))
-    for period in _COUNTERS_S:
-        if 0 < 100 * usual < period and abs(period + steps.min() - usual) <= 2 * usual:
-            mend = (
-                f"if the device's counter of {period:.10g} s began anew there, add {period:.10g} s "
-                "to the times from that line on"
-            )
-            return int(np.argmin(steps)) + 1, mend
-    return None
-
-
-def _time_s(
-    path: Path, cells: NDArray[np.float64], time: TimeColumn, first_line: int | None
-) -> NDArray[np.float64]:
-    """Return the times of rows, looked at unless there is no number of a first line."""
+def _time_s(cells: NDArray[np.float64], time: TimeColumn) -> NDArray[np.float64]:
+    """Return the times of rows, seconds."""
     if time.column is None:
         return np.arange(len(cells)) / (time.rate_hz or 1.0)
-    time_s = cells[:, -1] * TIME_UNITS_S.get(time.column.unit, 1.0)
-    if first_line is not None:
-        check_time(path, time_s, first_line, text=path.name.lower().endswith(TEXT_ENDINGS))
-    return time_s
+    return cells[:, -1] * TIME_UNITS_S.get(time.column.unit, 1.0)
 
 
 def _all_columns(

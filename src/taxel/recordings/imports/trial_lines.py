@@ -16,6 +16,7 @@ import numpy as np
 
 from taxel.errors import BadTable
 from taxel.plain_text import number_of, visible
+from taxel.recordings.imports.row_times import Repeated
 from taxel.recordings.imports.table_columns import text_cells, text_names
 from taxel.recordings.imports.table_form import column_places, header_names, is_whole
 from taxel.recordings.imports.tables import (
@@ -138,8 +139,8 @@ class LineTrials:
                            "fill it in")  # fmt: skip
         return found
 
-    def table(self, index: int, missing: Missing) -> tuple[Table, Padding]:
-        """Return one trial's values; a text has no padding.
+    def table(self, index: int, missing: Missing, repeated: Repeated) -> tuple[Table, Padding]:
+        """Return one trial's values; a text has no padding, and times by a rate no repeats.
 
         Raises:
             BadTable: Its values are not as they should be, or are no whole scans.

@@ -7,20 +7,24 @@ Background of our choices: docs/decisions/0011.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from taxel.errors import BadTable
 from taxel.plain_text import visible
 from taxel.recordings.imports.restarts import RESTARTS, begins_anew
+from taxel.recordings.imports.row_times import Repeated, check_time
+from taxel.recordings.imports.stray_times import strays_in_words, strays_of
 from taxel.recordings.imports.table_columns import text_cells, text_names
 from taxel.recordings.imports.table_form import header_names, is_number
 from taxel.recordings.imports.tables import (
     ALL,
     Missing,
     Table,
-    check_time,
     names_of,
     parse_columns,
     parse_time,
@@ -28,6 +32,8 @@ from taxel.recordings.imports.tables import (
 )
 from taxel.recordings.imports.trial_sets import AND, MOST_TRIALS, Padding
 from taxel.recordings.time_stamps import stamp_s
+
+_OR_ANEW = "times that increase, or begin anew near where they began"
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +143,7 @@ class TextTrials:
                 self._cells.append(cells[count:])
             yield cells[:count]
 
-    def table(self, index: int, missing: Missing) -> tuple[Table, Padding]:
+    def table(self, index: int, missing: Missing, repeated: Repeated) -> tuple[Table, Padding]:
         """Return one trial's values; a text has no padding.
 
         Raises:
@@ -149,18 +155,17 @@ class TextTrials:
             if self._all and (steady := self._steady(self._whole)):
                 self.doubts.append(steady)
         run, whole = self._runs[index], self._whole
-        where = f"{self._path}, trial {visible(self.keys[index])}"
-        time_s = whole.time_s[run.start : run.stop]
-        if self._time.column is None:
-            time_s = whole.time_s[: run.stop - run.start]  # by the rate, from 0 in each trial
-        else:
-            check_time(where, time_s, self._first_line + run.start, text=True)
         table = Table(
-            values=whole.values[run.start : run.stop], time_s=time_s,
+            values=whole.values[run.start : run.stop], time_s=whole.time_s[run.start : run.stop],
             names=whole.names, units=whole.units, decimal_comma=whole.decimal_comma,
             one_more=whole.one_more, passed_over=whole.passed_over,
         )  # fmt: skip
-        return table, Padding()
+        if self._time.column is None:  # by the rate, from 0 in each trial
+            return replace(table, time_s=whole.time_s[: run.stop - run.start]), Padding()
+        where = f"{self._path}, trial {visible(self.keys[index])}"
+        first_line = self._first_line + run.start
+        again = check_time(where, table.time_s, repeated, first_line, text=True)
+        return table.without(again), Padding()
 
     def _steady(self, whole: Table) -> str:
         """Return a remark on columns that * took for channels, but that may describe the trial."""
@@ -197,7 +202,8 @@ def _numbered(
     """
     place = keys.index(RESTARTS)
     others: list[str] | None = None
-    count, start, before = 1, 0.0, 0.0
+    count, start, line = 1, 0.0, first_line
+    times = array("d")  # since another of the keys changed
     for line, cells in enumerate(rows, start=first_line):
         text = cells[place].replace(",", ".")
         now = float(text) if is_number(text) else stamp_s(cells[place])
@@ -206,19 +212,35 @@ def _numbered(
                            "mend the file")  # fmt: skip
         own = [*cells[:place], *cells[place + 1 : len(keys)]]
         if own != others:
+            _refuse_strays(path, times, line)
             others, count, start = own, 1, now
-        elif begins_anew(now, before, start):
+            del times[:]
+        elif begins_anew(now, times[-1], start):
             count, start = count + 1, now
-        elif now < before:
+        elif now < times[-1]:
+            _refuse_strays(path, array("d", [*times, now]), line + 1)
             raise BadTable(
-                "times that increase, or begin anew near where they began",
-                f"{now:.6g} after {before:.6g} in {path}, line {line}",
+                _OR_ANEW, f"{now:.6g} after {times[-1]:.6g} in {path}, line {line}",
                 "sort the rows of each trial, or name a column that numbers the trials in the "
                 "column 'trials'",
             )  # fmt: skip
-        before = now
+        times.append(now)
         cells[place] = str(count)
         yield cells
+    _refuse_strays(path, times, line + 1)
+
+
+def _refuse_strays(path: Path, times: array[float], end: int) -> None:
+    """Refuse times of which one or two are garbled: to cut there would make two trials of one.
+
+    Args:
+        path: For messages.
+        times: Of rows that follow one another.
+        end: Number of the line below them.
+    """
+    time_s = np.array(times)
+    if strays := strays_of(time_s):
+        raise BadTable(_OR_ANEW, *strays_in_words(time_s, strays, end - len(times), path))
 
 
 def _runs(

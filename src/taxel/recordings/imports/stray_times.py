@@ -1,0 +1,92 @@
+"""Rows whose times lie far outside those of both neighbours, which increase: garbled stamps.
+
+A line that lost bytes on its way holds such a time. It is no restart, and to sort the rows would
+move it. Knows nothing about files, units or recordings.
+
+Background of our choices: docs/decisions/0011.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+FAR = 10.0
+"""Usual steps by which a time must lie outside those of its neighbours: rows in a wrong order do
+by less. Source: our choice, docs/decisions/0011."""
+_RARE = 0.25
+"""Share of rows in which time may go back; above, the rows stand in another order. Source: our
+choice, docs/decisions/0011."""
+_MOST_ROWS = 2
+"""Of such times one after another; more are a clock that was set. Source: our choice,
+docs/decisions/0011."""
+
+
+def strays_of(time_s: NDArray[np.float64]) -> list[range]:
+    """Return the rows, from 0, whose times are strays: each lot is one or two rows.
+
+    Args:
+        time_s: Shape (n,), in any unit.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # not looked at before
+        return list(_strays(time_s))
+
+
+def _strays(time_s: NDArray[np.float64]) -> Iterator[range]:
+    steps = np.diff(time_s)
+    ahead, backs = steps[steps > 0], np.flatnonzero(steps < 0) + 1
+    if not 0 < len(backs) <= _RARE * len(time_s) or len(ahead) <= len(backs):
+        return
+    usual = np.median(np.sort(ahead)[: len(ahead) - len(backs)])  # without leaps to strays
+    far = FAR * float(usual)
+    seen = 0
+    for back in backs.tolist():
+        if back <= seen:  # back from the stray that is known, or within it
+            continue
+        for rows in _lots(back, len(time_s)):
+            above, below = time_s[rows.start - 1], time_s[rows.stop]
+            own = time_s[rows.start : rows.stop]
+            if above < below and np.maximum(own - below, above - own).min() > far:
+                yield rows
+                seen = rows.stop
+                break
+
+
+def _lots(back: int, count: int) -> Iterator[range]:
+    """Yield the rows that may be strays where time goes back in a row, the fewest first."""
+    for many in range(1, _MOST_ROWS + 1):
+        for start in range(back - many, back + 1):
+            if start >= 1 and start + many < count:
+                yield range(start, start + many)
+
+
+def strays_in_words(
+    time_s: NDArray[np.float64],
+    strays: Sequence[range],
+    first_line: int,
+    path: Path | str,
+    unit: str = "",
+) -> tuple[str, str]:
+    """Return what is wrong with the first of some strays, and how to mend it.
+
+    Args:
+        time_s: Shape (n,).
+        strays: As `strays_of` returns them; at least one.
+        first_line: Number of the line that holds the first time.
+        path: The file, for messages.
+        unit: Of the times, with a blank before it; empty where it is not known.
+    """
+    rows, count = strays[0], sum(map(len, strays))
+    own = " and ".join(f"{time_s[row]:.14g}{unit}" for row in rows)
+    lines = " and ".join(str(row + first_line) for row in rows)
+    above, below = (f"{time_s[row]:.14g}{unit}" for row in (rows.start - 1, rows.stop))
+    more = f", the first of {count} such rows" if count > len(rows) else ""
+    got = (
+        f"{own} in {path}, {'line' if len(rows) == 1 else 'lines'} {lines}, between {above} above "
+        f"and {below} below{more}"
+    )
+    which = "that row" if count == 1 else "these rows"
+    return got, f"such a time is garbled: leave {which} out, or mend the time"
