@@ -217,3 +217,13 @@ def test_a_fleet_whose_broker_never_answered_is_bad_input(
     assert ended.value.code == 2
     assert json.loads(printed.out)["broker"]["connected"] is False
     assert f"needed a broker at {place}; got" in printed.err
+
+
+def test_a_station_says_where_its_broker_is_and_whether_one_answers(mosquitto: Mosquitto) -> None:
+    with Reporter(parse_mqtt(f"mqtt://127.0.0.1:{mosquitto.port}/bench")) as station:
+        assert station.where(5.0) == f"127.0.0.1:{mosquitto.port} as bench"
+    with socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # bound and never listening
+        place = f"127.0.0.1:{taken.getsockname()[1]}"
+        with Reporter(parse_mqtt(f"mqtt://{place}/bench")) as station:
+            assert station.where(0.2).startswith(f"{place} as bench; no broker yet: n")

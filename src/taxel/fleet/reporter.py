@@ -34,6 +34,9 @@ from taxel.live.station.worker import Place, at_work, settle_memory
 
 _LOOK_S = 0.05
 """How often the rings are looked at. Source: our choice."""
+_CONNECTS_S = 1.0
+"""How long the start waits for the broker, so that it can say that none answers. Source: our
+choice, docs/decisions/0052."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +55,7 @@ def report(job: Reporting) -> None:
     with at_work(job.place) as pulse:
         following = Following(job.view)
         with Reporter(job.address, bundle_names(job.bundles)) as reporter:
-            pulse.report("opened", f"{job.address.host}:{job.address.port} as {reporter.station}")
+            pulse.report("opened", reporter.where(_CONNECTS_S))
             settle_memory()
             while not pulse.stopping:
                 for item in following.take():
@@ -89,6 +92,19 @@ class Reporter:
         )  # fmt: skip
         self.sent = 0
         """Reports that went out."""
+
+    def where(self, wait_s: float) -> str:
+        """Return where it reports to, and that nobody answers there, where that is so.
+
+        Args:
+            wait_s: How long to wait for the connection, seconds.
+        """
+        address, broker = self._broker.address, self._broker
+        until_s = time.monotonic() + wait_s
+        while not broker.connected and time.monotonic() < until_s:
+            time.sleep(_LOOK_S)
+        own = f"{address.host}:{address.port} as {self.station}"
+        return own if broker.connected else f"{own}; no broker yet: {broker.why}; it is tried again"
 
     def take_in(self, topic: str, note: dict[str, Any]) -> None:
         """Take in what came through the station's rings."""

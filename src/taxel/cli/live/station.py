@@ -173,7 +173,7 @@ def _start_recording(options: StationOptions, station: Station) -> None:
     if options.record is None:
         return
     if left := station.wiring.not_recorded:
-        _note(options, f"a recording holds one array: {left} is left out")
+        _note(options, f"not recorded: {left}, as a recording holds one array")
     station.record(options.record, options.labels, options.groups, overwrite=options.overwrite)
 
 
