@@ -84,7 +84,8 @@ class Import:
     """Accept files outside the table's folder (or --data): absolute paths, .. and links that lead
     out of it."""
     overwrite: bool = False
-    """Replace an existing output folder."""
+    """Replace an existing output folder of an earlier import, with recordings in it that are not
+    written again. Where it holds anything else, it is refused."""
     json: bool = False
     """Print the recordings' paths as JSON."""
 
@@ -98,11 +99,13 @@ class Import:
     def run(self) -> None:
         """Import everything, or nothing at all."""
         files: list[FileFacts] = []
+        earlier = [path.name for path in sorted(self.output.glob("*.mcap"))]
         with progress() as bars:
             bar = bars.add_task("importing", total=None)
             made, notes = self._import(
                 lambda done, of: bars.update(bar, completed=done, total=of), files.append
             )
+        notes += _gone_note(earlier, made)
         if self.json:
             print_json({"recordings": [str(path) for path in made],
                         "notes": [*notes, *notes_of(files)]})  # fmt: skip
@@ -189,6 +192,22 @@ def _notes(parts: Sequence[ImportRow | VideoRow | Interval]) -> list[str]:
     """Return a line for each lot of labels or groups that may be one, differently typed."""
     return [*look_alikes("label", (part.labels for part in parts)),
             *look_alikes("group", (part.groups for part in parts))]  # fmt: skip
+
+
+def _gone_note(earlier: Sequence[str], made: Sequence[Path]) -> list[str]:
+    """Return a line on recordings that were in the folder and are not any more, if there are any.
+
+    Args:
+        earlier: Names of the recordings that the folder held before.
+        made: The recordings that it holds now.
+    """
+    gone = sorted(set(earlier) - {path.name for path in made})
+    if not gone:
+        return []
+    some = f"the first is {visible(gone[0])}" if gone[1:] else visible(gone[0])
+    were = "was" if len(gone) == 1 else "were"
+    return [f"{number_of(len(gone), 'earlier recording')} {were} not written again, and removed: "
+            f"{some}"]  # fmt: skip
 
 
 def _uneven_note(videos: Sequence[Video]) -> list[str]:

@@ -19,6 +19,7 @@ import numpy as np
 from taxel.errors import BadTable
 from taxel.plain_text import number_of, visible
 from taxel.recordings.imports import tables
+from taxel.recordings.imports.earlier import IMPORTED, import_folder
 from taxel.recordings.imports.intervals import (
     Interval,
     marks_of,
@@ -42,7 +43,6 @@ from taxel.recordings.imports.tables import Missing, Table
 from taxel.recordings.imports.trial_runs import TextTrials
 from taxel.recordings.imports.trial_sets import Padding
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo
 
@@ -58,7 +58,8 @@ class ImportOptions:
     allow_outside: bool = False
     """Take files that lie outside the data folder; see table_files.py."""
     overwrite: bool = False
-    """Replace an existing output folder that holds nothing else than what is written again."""
+    """Replace an existing output folder that holds nothing else than what is written again, and
+    recordings of earlier imports."""
 
 
 def import_table(
@@ -109,7 +110,7 @@ def import_rows(
     files = [f"{name}.mcap" for name in names]
     with (
         _closing(rows),
-        new_folder(output_dir, files, overwrite=options.overwrite) as made,
+        import_folder(output_dir, files, overwrite=options.overwrite) as made,
     ):
         following = (*rows[1:], None)
         for done, (row, name, file, after) in enumerate(
@@ -226,7 +227,7 @@ def _import_file(
     recorder = Recorder(path, Manifest(sensor=info, labels=labels, groups=groups))
     try:
         write_marked(recorder, samples, marks)
-        recorder.close("imported")
+        recorder.close(IMPORTED)
     except BaseException:
         recorder.discard()
         raise
