@@ -83,6 +83,10 @@ class Import:
     allow_outside: bool = False
     """Accept files outside the table's folder (or --data): absolute paths, .. and links that lead
     out of it."""
+    skip_unreadable: bool = False
+    """Arrays: leave out files that cannot be read as the table says, such as empty ones, and note
+    each with the reason. Where none of the files that a row of the table names can be read, it is
+    still refused."""
     overwrite: bool = False
     """Replace an existing output folder of an earlier import, with recordings in it that are not
     written again. Where it holds anything else, it is refused."""
@@ -91,7 +95,7 @@ class Import:
 
     RULES: ClassVar = (
         Only(
-            ("allow-code", "allow-outside"), "a table of your own",
+            ("allow-code", "allow-outside", "skip-unreadable"), "a table of your own",
             lambda o: o.table not in (LEROBOT, *KNOWN, *KNOWN_VIDEOS),
         ),
     )  # fmt: skip
@@ -129,7 +133,7 @@ class Import:
         ):
             for name, given in (
                 ("--intervals", self.intervals), ("--missing", self.missing),
-                ("--allow-code", self.allow_code),
+                ("--allow-code", self.allow_code), ("--skip-unreadable", self.skip_unreadable),
             ):  # fmt: skip
                 if given:
                     raise BadInput(f"a table of arrays beside {name}", "one of videos",
@@ -138,15 +142,17 @@ class Import:
                 return self._import_lerobot(progress)
             return self._import_videos(progress)
         if self.table not in KNOWN:
-            rows = read_rows(table, self.data or table.parent, outside=self.allow_outside)
+            rows = read_rows(table, self.data or table.parent, outside=self.allow_outside,
+                             skip_unreadable=self.skip_unreadable)  # fmt: skip
         elif self.data is None:
             raise self._no_folder()
         else:
             rows = KNOWN[self.table].rows(self.data)
         intervals = intervals_of(rows, self.intervals)
         options = ImportOptions(
-            missing=self.missing or "refuse", allow_code=self.allow_code, overwrite=self.overwrite
-        )
+            missing=self.missing or "refuse", allow_code=self.allow_code,
+            skip_unreadable=self.skip_unreadable, overwrite=self.overwrite,
+        )  # fmt: skip
         made = import_rows(
             rows, self.output, code_dir=table.parent, intervals=intervals, options=options,
             progress=progress, on_file=on_file,
