@@ -45,7 +45,7 @@ def test_files_that_cannot_be_read_are_left_out_and_named_on_demand(tmp_path, ca
     found = json.loads(printed.out)
     assert [Path(path).stem for path in found["recordings"]] == ["cup_1", "cup_4", "jar_1"]
     assert found["notes"][-4:] == [
-        "3 files were left out, for not being as the table says",
+        "3 files were left out, since they cannot be read as the table says",
         f"left out cup_2.csv: needed rows of numbers; got the empty file {tmp_path}/cup_2.csv",
         f"left out cup_3.csv: needed 3 cells in every line; got 2 in {tmp_path}/cup_3.csv, line 4",
         f"left out jar_2.csv: needed 3 cells in every line; got 2 in {tmp_path}/jar_2.csv, line 4",
@@ -60,7 +60,7 @@ def test_of_many_files_the_first_ten_are_named(tmp_path):
     names = [f"cup_{number}" for number in range(1, 13)]
     _, notes = skipping(put(tmp_path, "cup_13", empty=" ".join(names)))
     assert [note.partition(":")[0] for note in notes[1:]] == [
-        "12 files were left out, for not being as the table says",
+        "12 files were left out, since they cannot be read as the table says",
         *(f"left out {name}.csv" for name in names[:10]), "left out 2 more files",
     ]  # fmt: skip
 
@@ -102,7 +102,7 @@ def test_a_fault_of_the_table_is_refused_all_the_same(tmp_path, lines, words, sk
 
 def test_a_refusal_says_that_none_of_the_files_can_be_read(tmp_path):
     table = put(tmp_path, "", empty="cup_1", cut="cup_2")
-    words = rf"cup_1\.csv, and no other of the 2 files by {table}, line 2 that can be read; leave"
+    words = rf"cup_1\.csv, and none of the 2 files of {table}, line 2 can be read; leave"
     with pytest.raises(BadTable, match=words):
         skipping(table)
 
@@ -120,7 +120,7 @@ def test_a_file_of_many_trials_is_left_out_as_a_whole(tmp_path):
     made, notes = skipping(table)
     assert made == ["anna-1", "anna-2", "anna-3"]
     assert [note.partition(":")[0] for note in notes[-3:]] == [
-        "2 files were left out, for not being as the table says",
+        "2 files were left out, since they cannot be read as the table says",
         "left out bo.npz", "left out cy.npz",
     ]  # fmt: skip
     for bad in ("cy", "bo"):

@@ -63,6 +63,5 @@ def refuse_whole_lots(lines: Sequence[str], faults: Mapping[int, BadTable]) -> N
         first = faults[unread[0]]
         if count == 1:
             raise first
-        of = f"of the {number_of(count, 'file')} {f'by {lot}' if lot else 'of the table'}"
-        raise type(first)(first.needed, f"{first.got}, and no other {of} that can be read",
-                          first.mend)  # fmt: skip
+        none = f"none of the {number_of(count, 'file')} of {lot or 'the table'} can be read"
+        raise type(first)(first.needed, f"{first.got}, and {none}", first.mend)

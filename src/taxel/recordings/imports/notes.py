@@ -295,10 +295,11 @@ def _left_out(files: Sequence[FileFacts]) -> list[str]:
     """Return how many files were left out, and of the first ones why."""
     if not files:
         return []
-    were = "was" if len(files) == 1 else "were"
+    were, they = ("was", "it") if len(files) == 1 else ("were", "they")
     more = len(files) - MOST_LEFT_OUT
     return [
-        f"{number_of(len(files), 'file')} {were} left out, for not being as the table says",
+        f"{number_of(len(files), 'file')} {were} left out, since {they} cannot be read as the table "
+        "says",
         *(f"left out {visible(facts.file)}: {facts.left_out}" for facts in files[:MOST_LEFT_OUT]),
         *([f"left out {number_of(more, 'more file')}"] if more > 0 else []),
     ]
