@@ -298,8 +298,8 @@ def _left_out(files: Sequence[FileFacts]) -> list[str]:
     were, they = ("was", "it") if len(files) == 1 else ("were", "they")
     more = len(files) - MOST_LEFT_OUT
     return [
-        f"{number_of(len(files), 'file')} {were} left out, since {they} cannot be read as the table "
-        "says",
+        f"{number_of(len(files), 'file')} {were} left out, since {they} cannot be read as the "
+        "table says",
         *(f"left out {visible(facts.file)}: {facts.left_out}" for facts in files[:MOST_LEFT_OUT]),
         *([f"left out {number_of(more, 'more file')}"] if more > 0 else []),
     ]
