@@ -161,3 +161,27 @@ def test_a_folder_lists_the_groups_that_marks_give(
     lines = capsys.readouterr().out.splitlines()
     assert "group object: can, mug" in lines
     assert "group session: one, two" in lines
+
+
+def test_a_folder_counts_the_trials_of_each_label_where_recordings_hold_marks(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """A mark is a trial with the recording's label, or its own; without marks there is one."""
+    sensor = SensorInfo(name="pad", channels=("a",), units=("N",), rate_hz=100.0)
+    mug, can = {"object": "mug"}, {"object": "can"}
+    for name, labels, marks in (
+        ("a", mug, []), ("b", can, [{}, {}, {"object": "mug"}]), ("c", {}, [{}])
+    ):  # fmt: skip
+        manifest = Manifest.started_now(sensor, labels, {}, now_s=0.0)
+        with Recorder(tmp_path / f"{name}.mcap", manifest) as recorder:
+            recorder.write(Samples.from_values(np.zeros((50, 1), "f4"), np.arange(50) / 100.0))
+            for place, own in enumerate(marks):
+                start = place * 0.1
+                recorder.mark(Mark(start_s=start, end_s=start + 0.05, labels=own, groups={}))
+    Info(tmp_path).run()
+    assert "label object: can=2, mug=2, –=1 (trials)" in capsys.readouterr().out.splitlines()
+
+    for name in ("b", "c"):
+        (tmp_path / f"{name}.mcap").unlink()
+    Info(tmp_path).run()
+    assert "label object: mug=1 (recordings)" in capsys.readouterr().out.splitlines()

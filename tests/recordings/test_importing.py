@@ -164,23 +164,6 @@ def test_one_bad_file_among_good_ones_leaves_nothing(folder):
     assert sorted(path.name for path in folder.iterdir()) == before
 
 
-def test_an_output_folder_with_something_in_it_is_not_replaced_unasked(folder):
-    """With overwrite it is replaced as a whole, unless something would be lost with it."""
-    again = ImportOptions(overwrite=True)
-    import_table(folder / "table.csv", folder / "out")
-    with pytest.raises(BadTable, match="--overwrite"):
-        import_table(folder / "table.csv", folder / "out")
-    (folder / "out" / "old.mcap").write_text("precious")
-    with pytest.raises(BadTable, match=r"with old\.mcap;"):
-        import_table(folder / "table.csv", folder / "out", options=again)
-    with pytest.raises(BadTable, match=r"and [0-9] more"):
-        import_table(folder / "table.csv", folder, options=again)
-    assert (folder / "out" / "old.mcap").read_text() == "precious"
-    (folder / "out" / "old.mcap").unlink()
-    import_table(folder / "table.csv", folder / "out", options=again)
-    assert [path.name for path in list_recordings(folder / "out")] == ["a.mcap", "b.mcap"]
-
-
 def test_a_layout_of_ones_own_reads_what_it_likes(folder):
     """The hook's function gives values, times, names and units; channels may be chosen."""
     (folder / "hook.py").write_text(HOOK)

@@ -20,8 +20,8 @@ from taxel.exchange.lerobot_episode import ForeignEpisode, Info, OwnEpisode, sta
 from taxel.foreign.files import MIB, in_words, open_file
 from taxel.foreign.json_text import Fields, parse_json, read_json
 from taxel.plain_text import number_of
+from taxel.recordings.imports.earlier import IMPORTED, import_folder
 from taxel.recordings.manifest import from_record
-from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples
 
@@ -48,7 +48,8 @@ def import_lerobot(
     Args:
         folder: The data set's.
         output: Folder to be made.
-        overwrite: Replace an existing folder that holds nothing else than these.
+        overwrite: Replace an existing folder that holds nothing else than these, and recordings of
+            earlier imports.
         progress: Called with episodes done and in all.
 
     Raises:
@@ -60,7 +61,7 @@ def import_lerobot(
         rows = _read_episodes(folder)
         tasks = _read_tasks(folder)
         files = [f"{name}.mcap" for name in _names(rows)]
-        with new_folder(output, files, overwrite=overwrite) as made:
+        with import_folder(output, files, overwrite=overwrite) as made:
             batches = _Batches(folder)
             for done, (row, file) in enumerate(zip(rows, files, strict=True), 1):
                 _write_episode(info, row, tasks, batches, made / file)
@@ -238,7 +239,7 @@ def _write_episode(
                     recorder.frame(item)
         for mark in episode.marks:
             recorder.mark(mark)
-        recorder.close("imported")
+        recorder.close(IMPORTED)
     except BaseException:
         recorder.discard()
         raise

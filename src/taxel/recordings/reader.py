@@ -216,6 +216,26 @@ def read_manifest(path: Path | str) -> Manifest:
     raise _no_manifest(path)
 
 
+def how_ended(path: Path | str) -> str:
+    """Return how a finished recording ended, such as `cleanly`; empty where it does not say.
+
+    No chunk is opened, so that this takes as long as reading the file's bytes.
+
+    Raises:
+        BadRecording: It is missing, no recording, cut short, or damaged.
+    """
+    ended = ""
+    for record in walk(Path(path)):
+        if record.opcode == Opcode.METADATA:
+            try:
+                name, pairs = parse_metadata(record.payload)
+                if name == "taxel.statistics":
+                    ended = str(parse_json(pairs.get("ended", '""')))
+            except ValueError as error:
+                raise damaged(Path(path), str(error)) from error
+    return ended
+
+
 def list_recordings(path: Path | str) -> list[Path]:
     """Return the recordings of a data set: a folder's *.mcap by name, or the one file.
 

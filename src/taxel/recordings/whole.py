@@ -6,7 +6,7 @@ Knows nothing about what is in them.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -74,20 +74,27 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def new_folder(path: Path, names: Collection[str], *, overwrite: bool) -> Iterator[Path]:
+def new_folder(
+    path: Path,
+    names: Collection[str],
+    *,
+    overwrite: bool,
+    earlier: Callable[[Path], bool] | None = None,
+) -> Iterator[Path]:
     """Give a folder to fill, which gets its name when the block ends well, and else goes.
 
     Args:
         path: The name.
         names: Files that will be in it.
         overwrite: Replace a folder that holds nothing but files of those names.
+        earlier: Whether a file of another name may go as well, since the same work wrote it before.
 
     Raises:
         BadTable: There is something of that name already that is not to be replaced.
         RecordingFailed: The disk refused.
     """
     if path.exists():
-        _check_replaceable(path, names, overwrite)
+        _check_replaceable(path, names, overwrite, earlier)
     with whole_folder(path) as made:
         yield made
 
@@ -132,19 +139,26 @@ def fresh_folder(path: Path) -> Iterator[Path]:
         ) from error
 
 
-def _check_replaceable(path: Path, names: Collection[str], overwrite: bool) -> None:
+def _check_replaceable(
+    path: Path,
+    names: Collection[str],
+    overwrite: bool,
+    earlier: Callable[[Path], bool] | None,
+) -> None:
     if not path.is_dir():
         raise BadTable("a folder for the recordings", f"{path}, a file", "choose another --output")
-    held = sorted(path.name for path in path.iterdir())
+    held = sorted(file.name for file in path.iterdir())
     if held and not overwrite:
         raise BadTable(
             "a new folder for the recordings", f"{path}, which is not empty",
             "choose another --output, or add --overwrite",
         )  # fmt: skip
-    others = [name for name in held if name not in names]
+    others = [name for name in held if name not in names and not (earlier and earlier(path / name))]
     if others:
         raise BadTable(
-            "a folder that holds only what is written again, to replace",
+            "a folder that holds only recordings of an earlier import, to replace"
+            if earlier
+            else "a folder that holds only what is written again, to replace",
             f"{path} with {others[0]}" + (f" and {len(others) - 1} more" if others[1:] else ""),
             "move what you need, or choose another --output",
         )

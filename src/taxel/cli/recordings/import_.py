@@ -87,14 +87,19 @@ class Import:
     allow_outside: bool = False
     """Accept files outside the table's folder (or --data): absolute paths, .. and links that lead
     out of it."""
+    skip_unreadable: bool = False
+    """Arrays: leave out files that cannot be read as the table says, such as empty ones, and note
+    each with the reason. Where none of the files that a row of the table names can be read, it is
+    still refused."""
     overwrite: bool = False
-    """Replace an existing output folder."""
+    """Replace an existing output folder of an earlier import, with recordings in it that are not
+    written again. Where it holds anything else, it is refused."""
     json: bool = False
     """Print the recordings' paths as JSON."""
 
     RULES: ClassVar = (
         Only(
-            ("allow-code", "allow-outside"), "a table of your own",
+            ("allow-code", "allow-outside", "skip-unreadable"), "a table of your own",
             lambda o: o.table not in (LEROBOT, *KNOWN, *KNOWN_VIDEOS),
         ),
     )  # fmt: skip
@@ -102,11 +107,13 @@ class Import:
     def run(self) -> None:
         """Import everything, or nothing at all."""
         files: list[FileFacts] = []
+        earlier = [path.name for path in sorted(self.output.glob("*.mcap"))]
         with progress() as bars:
             bar = bars.add_task("importing", total=None)
             made, notes = self._import(
                 lambda done, of: bars.update(bar, completed=done, total=of), files.append
             )
+        notes += _gone_note(earlier, made)
         if self.json:
             print_json({"recordings": [str(path) for path in made],
                         "notes": [*notes, *notes_of(files)]})  # fmt: skip
@@ -131,7 +138,7 @@ class Import:
             for name, given in (
                 ("--intervals", self.intervals), ("--missing", self.missing),
                 ("--repeated-times", self.repeated_times),
-                ("--allow-code", self.allow_code),
+                ("--allow-code", self.allow_code), ("--skip-unreadable", self.skip_unreadable),
             ):  # fmt: skip
                 if given:
                     raise BadInput(f"a table of arrays beside {name}", "one of videos",
@@ -140,7 +147,8 @@ class Import:
                 return self._import_lerobot(progress)
             return self._import_videos(progress)
         if self.table not in KNOWN:
-            rows = read_rows(table, self.data or table.parent, outside=self.allow_outside)
+            rows = read_rows(table, self.data or table.parent, outside=self.allow_outside,
+                             skip_unreadable=self.skip_unreadable)  # fmt: skip
         elif self.data is None:
             raise self._no_folder()
         else:
@@ -148,7 +156,8 @@ class Import:
         intervals = intervals_of(rows, self.intervals)
         options = ImportOptions(
             missing=self.missing or "refuse", repeated_times=self.repeated_times or "refuse",
-            allow_code=self.allow_code, overwrite=self.overwrite,
+            allow_code=self.allow_code, skip_unreadable=self.skip_unreadable,
+            overwrite=self.overwrite,
         )  # fmt: skip
         made = import_rows(
             rows, self.output, code_dir=table.parent, intervals=intervals, options=options,
@@ -195,6 +204,22 @@ def _notes(parts: Sequence[ImportRow | VideoRow | Interval]) -> list[str]:
     """Return a line for each lot of labels or groups that may be one, differently typed."""
     return [*look_alikes("label", (part.labels for part in parts)),
             *look_alikes("group", (part.groups for part in parts))]  # fmt: skip
+
+
+def _gone_note(earlier: Sequence[str], made: Sequence[Path]) -> list[str]:
+    """Return a line on recordings that were in the folder and are not any more, if there are any.
+
+    Args:
+        earlier: Names of the recordings that the folder held before.
+        made: The recordings that it holds now.
+    """
+    gone = sorted(set(earlier) - {path.name for path in made})
+    if not gone:
+        return []
+    some = f"the first is {visible(gone[0])}" if gone[1:] else visible(gone[0])
+    were = "was" if len(gone) == 1 else "were"
+    return [f"{number_of(len(gone), 'earlier recording')} {were} not written again, and removed: "
+            f"{some}"]  # fmt: skip
 
 
 def _uneven_note(videos: Sequence[Video]) -> list[str]:

@@ -138,8 +138,12 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
     held = ", ".join([*parts, f"{seconds:.1f} s"])
     say(f"{path}: {number_of(len(rows), 'recording')}, {held}, all checksums valid")
     for name in sorted({name for row in rows for name in row["labels"]}):
-        count = Counter(row["labels"].get(name, "–") for row in rows)
-        say(f"label {visible(name)}: {_pairs({value: count[value] for value in in_order(count)})}")
+        count: Counter[str] = Counter()
+        for row in rows:
+            count.update(_trials_by_label(row, name))
+        trials = "trials" if any(row["marks"] for row in rows) else "recordings"
+        say(f"label {visible(name)}: {_pairs({value: count[value] for value in in_order(count)})} "
+            f"({trials})")  # fmt: skip
     for name in sorted({name for row in rows for name in row["marks_by_label"]}):
         marked: Counter[str] = Counter()
         for row in rows:
@@ -150,6 +154,18 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
     for name in sorted({name for row in rows for name in (*row["groups"], *row["marks_by_group"])}):
         values = [value for row in rows for value in _values(row, name)]
         say(f"group {visible(name)}: {_span(values)}")
+
+
+def _trials_by_label(row: dict[str, Any], name: str) -> Counter[str]:
+    """Return how many of a recording's trials have each value of a label.
+
+    Each mark is a trial, and a recording without marks is one; a mark's own label wins.
+    """
+    count = Counter(row["marks_by_label"].get(name, {}))
+    others = max(1, row["marks"]) - count.total()
+    if others:
+        count[row["labels"].get(name, "–")] += others
+    return count
 
 
 def _values(row: dict[str, Any], group: str) -> list[str]:

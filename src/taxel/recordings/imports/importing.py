@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
 from taxel.errors import BadTable
-from taxel.plain_text import number_of, visible
+from taxel.plain_text import visible
 from taxel.recordings.imports import tables
+from taxel.recordings.imports.earlier import IMPORTED, import_folder
 from taxel.recordings.imports.intervals import (
     Interval,
     marks_of,
@@ -26,7 +28,7 @@ from taxel.recordings.imports.intervals import (
     stem_of,
     write_marked,
 )
-from taxel.recordings.imports.layouts import find_layout
+from taxel.recordings.imports.left_out import naming_option, refuse_whole_lots
 from taxel.recordings.imports.notes import (
     FileFacts,
     coarse_of,
@@ -34,18 +36,15 @@ from taxel.recordings.imports.notes import (
     gaps_of,
     lying_of,
 )
-from taxel.recordings.imports.row_labels import marks_by_row, remarks_on_rows
-from taxel.recordings.imports.row_times import Repeated, check_time
+from taxel.recordings.imports.reading import Content, reader_of
+from taxel.recordings.imports.row_labels import remarks_on_rows
+from taxel.recordings.imports.row_times import Repeated
 from taxel.recordings.imports.rows import ImportRow, read_rows
 from taxel.recordings.imports.spelling import composed
-from taxel.recordings.imports.table_columns import text_cells
 from taxel.recordings.imports.tables import Missing, Table
-from taxel.recordings.imports.trial_runs import TextTrials
-from taxel.recordings.imports.trial_sets import Padding
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
-from taxel.signals import Mark, Samples, SensorInfo
+from taxel.signals import SensorInfo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,8 +60,11 @@ class ImportOptions:
     """Run layouts of the form module.py:function."""
     allow_outside: bool = False
     """Take files that lie outside the data folder; see table_files.py."""
+    skip_unreadable: bool = False
+    """Leave out files that cannot be read as the table says, where others can be; left_out.py."""
     overwrite: bool = False
-    """Replace an existing output folder that holds nothing else than what is written again."""
+    """Replace an existing output folder that holds nothing else than what is written again, and
+    recordings of earlier imports."""
 
 
 def import_table(
@@ -84,14 +86,18 @@ def import_table(
         intervals: A table of labelled intervals, which become marks (intervals.py).
         options: How strictly files are read.
         progress: Called with files done and files in all.
-        on_file: Called with what was found in each file; `import_notes.notes_of` says it.
+        on_file: Called with what was found in each file, or why it was left out;
+            `import_notes.notes_of` says it.
 
     Raises:
         BadTable: A table or any file is not as it should be; then nothing is written.
         RecordingFailed: The disk refused.
     """
     manifest_csv, output_dir = Path(manifest_csv), Path(output_dir)
-    rows = read_rows(manifest_csv, data_dir or manifest_csv.parent, outside=options.allow_outside)
+    rows = read_rows(
+        manifest_csv, data_dir or manifest_csv.parent,
+        outside=options.allow_outside, skip_unreadable=options.skip_unreadable,
+    )  # fmt: skip
     return import_rows(
         rows, output_dir, code_dir=manifest_csv.parent, intervals=intervals_of(rows, intervals),
         options=options, progress=progress, on_file=on_file,
@@ -109,25 +115,97 @@ def import_rows(
     on_file: Callable[[FileFacts], None] | None = None,
 ) -> list[Path]:
     """Write one recording for each row; see `import_table` and `intervals_of`."""
-    names = _output_names(rows)
-    files = [f"{name}.mcap" for name in names]
-    with (
-        _closing(rows),
-        new_folder(output_dir, files, overwrite=options.overwrite) as made,
-    ):
-        following = (*rows[1:], None)
-        for done, (row, name, file, after) in enumerate(
-            zip(rows, names, files, following, strict=True), 1
-        ):
-            own = (intervals or {}).get(name, ())
-            facts = _import_file(row, own, made / file, code_dir, options)
-            if row.trial and not (after and after.trial and after.trial.source is row.trial.source):
-                row.trial.source.close()  # not all of 1,000 files are open at once
-            if on_file is not None:
-                on_file(facts)
-            if progress is not None:
+    parts, faults, done = _parts(rows, intervals or {}), dict[int, BadTable](), 0
+    lines = [part[0].row.line for part in parts]
+    # With files left out, no name is sure to be written again, and what has it must not go.
+    names = () if options.skip_unreadable else [job.file for part in parts for job in part]
+    on_file, progress = on_file or (lambda _: None), progress or (lambda done, of: None)
+    with _closing(rows), import_folder(output_dir, names, overwrite=options.overwrite) as made:
+        for place, part in enumerate(parts):
+            facts: list[FileFacts] = []
+            for found in _import_part(part, made, code_dir, options):
+                if isinstance(found, BadTable):
+                    faults[place] = found
+                    continue
+                facts.append(found)
+                progress(done + len(facts), len(rows))
+            done += len(part)
+            if place in faults:
+                if not options.skip_unreadable:
+                    raise naming_option(faults[place], lines, place, lambda other: isinstance(
+                        _content(parts[other][0].row, code_dir, options), Content))  # fmt: skip
+                facts = [_left_out(part[0].row, faults[place])]
                 progress(done, len(rows))
-    return [output_dir / file for file in files]
+            for own in facts:
+                on_file(own)
+        refuse_whole_lots(lines, faults)
+    return [output_dir / job.file
+            for place, part in enumerate(parts) if place not in faults for job in part]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """A recording to be written."""
+
+    row: ImportRow
+    file: str
+    """The recording's name; none where it is known that the row's file cannot be read."""
+    intervals: Sequence[Interval]
+
+
+def _parts(
+    rows: Sequence[ImportRow], intervals: Mapping[str, Sequence[Interval]]
+) -> list[list[_Job]]:
+    """Return what is to be written, in a list for each file."""
+    names = iter(_output_names([row for row in rows if row.fault is None]))
+    jobs = []
+    for row in rows:
+        name = "" if row.fault else next(names)
+        jobs.append(_Job(row, f"{name}.mcap", intervals.get(name, ())))
+    each = groupby(jobs, key=lambda job: id(job.row.trial.source if job.row.trial else job))
+    return [list(part) for _, part in each]
+
+
+def _import_part(
+    part: Sequence[_Job], made: Path, code_dir: Path, options: ImportOptions
+) -> Iterator[FileFacts | BadTable]:
+    """Write a file's recordings, yielding what a person should know of each.
+
+    Where one of them cannot be read, the reason comes last, and none of them is there.
+    """
+    for number, job in enumerate(part):
+        content = _content(job.row, code_dir, options)
+        if isinstance(content, BadTable):
+            for earlier in part[:number]:
+                (made / earlier.file).unlink()
+            yield content
+            break
+        yield _import_file(job, content, made / job.file)
+    if (trial := part[0].row.trial) is not None:
+        trial.source.close()  # not all of 1,000 files are open at once
+
+
+def _content(row: ImportRow, code_dir: Path, options: ImportOptions) -> Content | BadTable:
+    """Return what a row's file or trial holds, or why it cannot be read.
+
+    Raises:
+        BadTable: The row itself is not as it should be.
+    """
+    if row.fault is not None:
+        return row.fault
+    read = reader_of(
+        row, options.missing, options.repeated_times, code_dir, allow_code=options.allow_code
+    )
+    try:
+        return read()
+    except BadTable as error:
+        return error
+
+
+def _left_out(row: ImportRow, fault: BadTable) -> FileFacts:
+    return FileFacts(
+        file=row.called or row.file.name, left_out=f"needed {fault.needed}; got {fault.got}"
+    )
 
 
 @contextmanager
@@ -151,6 +229,7 @@ def intervals_of(rows: Sequence[ImportRow], table: Path | None) -> dict[str, lis
     """
     if table is None:
         return {}
+    rows = [row for row in rows if row.fault is None]
     names = _output_names(rows)
     found = read_intervals(table, names)
     for row, name in zip(rows, names, strict=True):
@@ -201,23 +280,15 @@ def _one_name(first: Path, second: Path) -> BadTable:
     return BadTable("files whose names differ", f"{first} and {second}", "rename one of them")
 
 
-def _import_file(
-    row: ImportRow,
-    intervals: Sequence[Interval],
-    path: Path,
-    code_dir: Path,
-    options: ImportOptions,
-) -> FileFacts:
-    if not row.file.is_file():
-        raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
-    padding = Padding()
-    if row.trial is not None:
-        table, padding = row.trial.source.table(
-            row.trial.index, options.missing, options.repeated_times
-        )
-    else:
-        table = _read(row, code_dir, options)
-    samples = Samples.from_values(table.values, table.time_s, row.full_scale)
+def _import_file(job: _Job, content: Content, path: Path) -> FileFacts:
+    """Write what a row's file or trial holds; return what a person should know of it."""
+    row = job.row
+    if row.by_row and job.intervals:
+        raise BadTable(
+            "labels from rows or from intervals", f"both for {row.file}",
+            "leave one of them out",
+        )  # fmt: skip
+    table, samples = content.table, content.samples
     steps = np.diff(table.time_s)
     info = SensorInfo(
         name=row.sensor,
@@ -227,12 +298,12 @@ def _import_file(
         full_scale=row.full_scale,
         details={"imported_from": row.file.name, "layout": row.layout} | dict(row.details),
     )
-    marks = _marks(row, intervals, samples, info, table.repeated)
+    marks = content.marks or marks_of(job.intervals, samples.fitted_s, info.rate_hz)
     labels, groups = _composed(row.labels), _composed(row.groups)
     recorder = Recorder(path, Manifest(sensor=info, labels=labels, groups=groups))
     try:
         write_marked(recorder, samples, marks)
-        recorder.close("imported")
+        recorder.close(IMPORTED)
     except BaseException:
         recorder.discard()
         raise
@@ -247,8 +318,8 @@ def _import_file(
         lying=lying_of(*table.values.shape)
         if _by_star(row) and row.trial is None and row.file.name.lower().endswith(".npy")
         else "",
-        padding=padding.cut,
-        zeros=padding.zeros,
+        padding=content.padding.cut,
+        zeros=content.padding.zeros,
         number_header=table.number_header,
         decimal_comma=table.decimal_comma,
         one_more=table.one_more,
@@ -261,51 +332,6 @@ def _import_file(
         longest_gap_s=longest_gap_s,
         longest_from_s=longest_from_s,
     )
-
-
-def _marks(
-    row: ImportRow,
-    intervals: Sequence[Interval],
-    samples: Samples,
-    info: SensorInfo,
-    left_out: Collection[int],
-) -> list[Mark]:
-    """Return a recording's marks: of a table of intervals, or of labels that stand in its rows.
-
-    Args:
-        row: What the file is.
-        intervals: Labelled intervals of it.
-        samples: Its scans.
-        info: Its sensor.
-        left_out: Rows, from 0, of which there is no scan.
-    """
-    if not row.by_row:
-        return marks_of(intervals, samples.fitted_s, info.rate_hz)
-    if intervals:
-        raise BadTable(
-            "labels from rows or from intervals", f"both for {row.file}",
-            "leave one of them out",
-        )  # fmt: skip
-    columns = list(row.by_row.values())
-    if row.trial is None:
-        where = f"the row of {row.file.name}"
-        others = tables.names_of(tables.parse_columns(row.channels, where),
-                                 tables.parse_time(row.time, where))  # fmt: skip
-        rows = list(text_cells(row.file, columns, others)[1])
-        cells = [[own[place] for own in rows] for place in range(len(columns))]
-    else:
-        assert isinstance(row.trial.source, TextTrials)
-        source, index = row.trial.source, row.trial.index
-        cells = [source.by_row(index, column) for column in columns]
-    if left_out:
-        cells = [np.delete(np.array(own, object), list(left_out)).tolist() for own in cells]
-    marks = marks_by_row(dict(zip(row.by_row, cells, strict=True)), samples.fitted_s)
-    if not marks and not row.labels:
-        raise BadTable(
-            "a label in some row", f"none in the column {columns[0]!r} of {row.file}",
-            "fill it in, or leave the file out",
-        )  # fmt: skip
-    return marks
 
 
 def _doubtful(row: ImportRow, table: Table) -> list[str]:
@@ -327,69 +353,3 @@ def _stated_rate(row: ImportRow) -> float:
 
 def _composed(pairs: Mapping[str, str]) -> dict[str, str]:
     return {composed(name): composed(value) for name, value in pairs.items()}
-
-
-def _read(row: ImportRow, code_dir: Path, options: ImportOptions) -> Table:
-    where = f"the row of {row.file.name}"
-    if row.layout == "csv":
-        return tables.read_table(
-            row.file,
-            tables.parse_columns(row.channels, where),
-            tables.parse_time(row.time, where),
-            options.missing,
-            repeated=options.repeated_times,
-            but=row.by_row.values(),
-        )
-    reader = find_layout(row.layout, code_dir, options.allow_code)
-    try:
-        values, time_s, names, units = reader(row.file)
-        table = Table(
-            values=np.asarray(values, np.float64),
-            time_s=np.asarray(time_s, np.float64),
-            names=tuple(names),
-            units=tuple(units),
-        )
-    except BadTable:
-        raise
-    except Exception as error:  # a layout of the user's own may raise anything
-        raise BadTable(
-            f"a file in the layout {row.layout}",
-            f"{row.file}: {type(error).__name__}: {error}",
-            "mend the file or the layout",
-        ) from error
-    _check_shapes(row, table)
-    tables.check_values(row.file, table.values, table.names, options.missing)
-    table = table.without(check_time(row.file, table.time_s, options.repeated_times))
-    return _select(table, row, where) if row.channels else table
-
-
-def _check_shapes(row: ImportRow, table: Table) -> None:
-    rows = table.values.shape[0] if table.values.ndim else 0
-    wanted = (rows, len(table.names))
-    if (
-        table.values.shape != wanted
-        or table.time_s.shape != (rows,)
-        or len(table.units) != len(table.names)
-    ):
-        raise BadTable(
-            "values (n, channels), time_s (n,), one name and one unit a channel",
-            f"{table.values.shape}, {table.time_s.shape}, {number_of(len(table.names), 'name')}, "
-            f"{number_of(len(table.units), 'unit')} for {row.file}",
-            f"mend the layout {row.layout}",
-        )
-
-
-def _select(table: Table, row: ImportRow, where: str) -> Table:
-    columns = tables.parse_columns(row.channels, where)
-    unknown = [column.name for column in columns if column.name not in table.names]
-    if unknown:
-        raise BadTable(
-            f"channels out of {', '.join(table.names)}", f"{unknown[0]!r} in {where}", "correct it"
-        )
-    places = [table.names.index(column.name) for column in columns]
-    return replace(
-        table,
-        values=table.values[:, places],
-        names=tuple(column.name for column in columns),
-        units=tuple(column.unit for column in columns),
-    )

@@ -23,6 +23,7 @@ from taxel.recordings.imports.trial_sets import MOST_TRIALS
 MOST_LOOKED_AT = 1_000_000
 """Names of files and folders that one pattern is held against, those in folders that match.
 Source: our choice, docs/decisions/0011."""
+_LOST = "a link that leads nowhere,"
 MOST_BESIDE = 100_000
 """Names that do not match and are looked at for a note on what is left out. Source: our choice,
 docs/decisions/0011."""
@@ -70,10 +71,17 @@ class _Search:
     """Table and line, for messages."""
     outside: bool
     table: Path
+    lost: bool
+    """Whether links that lead nowhere match as well."""
 
 
 def one_line_a_file(
-    lines: Sequence[TableLine], table: Path, data_dir: Path, *, outside: bool = False
+    lines: Sequence[TableLine],
+    table: Path,
+    data_dir: Path,
+    *,
+    outside: bool = False,
+    lost: bool = False,
 ) -> list[TableLine]:
     """Return the lines with each pattern replaced by the files that match, by name and number.
 
@@ -82,6 +90,7 @@ def one_line_a_file(
         table: The table itself, which no pattern matches.
         data_dir: What files are relative to.
         outside: Also files that lie outside of that folder.
+        lost: Also links that lead nowhere, which cannot be read.
 
     Raises:
         BadTable: A pattern is none, matches no file or too many, a file outside of the folder, or
@@ -96,7 +105,8 @@ def one_line_a_file(
         if own is None:
             expanded.append(line)
             continue
-        search = _Search(data_dir=data_dir, where=line.where, outside=outside, table=table)
+        search = _Search(data_dir=data_dir, where=line.where, outside=outside, table=table,
+                         lost=lost)  # fmt: skip
         found, whole = _files(own, search)
         least = least if whole else "at least "
         matches = [file for file in found if file.matches]
@@ -238,9 +248,9 @@ def _leads_on(found: _Found, step: str | NamePattern, last: bool, search: _Searc
     why_not = "" if fits else _why_not(path, last)
     if (fits or why_not) and (step == ".." or os.path.islink(path)):
         file_of(found.path, search.data_dir, search.where, outside=search.outside)
-    if why_not:
+    if why_not and not (last and search.lost and why_not == _LOST):
         raise _unreadable(found.path, why_not, search)
-    return fits
+    return fits or bool(why_not)
 
 
 def _why_not(path: Path, last: bool) -> str:
@@ -252,7 +262,7 @@ def _why_not(path: Path, last: bool) -> str:
         os.stat(path)
     except (FileNotFoundError, NotADirectoryError):
         lost = os.path.islink(path) and (last or not path.suffix)
-        return "a link that leads nowhere," if lost else ""
+        return _LOST if lost else ""
     except OSError as error:
         return f"which cannot be read ({error.strerror}),"
     return ""

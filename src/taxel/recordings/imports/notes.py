@@ -40,6 +40,8 @@ docs/decisions/0011."""
 ZEROS, OFTEN = 3, 0.1
 """Rows of zeros at a trial's end, and the share of trials that end so, from which on these may be
 padding. Source: our choice, docs/decisions/0011."""
+MOST_LEFT_OUT = 10
+"""Files that were left out which are named. Source: our choice, docs/decisions/0011."""
 MOST_REMARKS = 5
 """Lines on how lines of the table, or files of many trials, were read. Source: our choice,
 docs/decisions/0011."""
@@ -87,6 +89,8 @@ class FileFacts:
     """Rows of NaN at its end, which were cut."""
     zeros: int = 0
     """Rows of zeros at its end, which were kept."""
+    left_out: str = ""
+    """Why it could not be read, and was left out; or empty."""
 
 
 def gaps_of(time_s: NDArray[np.float64]) -> tuple[int, float, float]:
@@ -139,6 +143,8 @@ def lying_of(rows: int, channels: int) -> str:
 
 def notes_of(files: Sequence[FileFacts]) -> list[str]:
     """Return a line for each matter, however many files it is found in."""
+    left_out = [facts for facts in files if facts.left_out]
+    files = [facts for facts in files if not facts.left_out]
     slow = [facts for facts in files if facts.time and 0 < facts.rate_hz < SLOW_HZ]
     fast = [facts for facts in files if facts.time and facts.rate_hz > FAST_HZ]
     return [
@@ -160,6 +166,7 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
         *_slow(sorted(slow, key=lambda facts: facts.rate_hz)),
         *_fast(sorted(fast, key=lambda facts: -facts.rate_hz)),
         *_gaps([facts for facts in files if facts.gaps], len(files)),
+        *_left_out(left_out),
     ]  # fmt: skip
 
 
@@ -301,6 +308,20 @@ def _gaps(files: Sequence[FileFacts], of: int) -> list[str]:
         f"than {GAP_STEPS:g} times the median; the longest lasts {longest.longest_gap_s:.3g} s "
         f"({longest.file}, {longest.longest_from_s:.3f} s after its first scan); scans missing "
         "there are not counted as lost"
+    ]
+
+
+def _left_out(files: Sequence[FileFacts]) -> list[str]:
+    """Return how many files were left out, and of the first ones why."""
+    if not files:
+        return []
+    were, they = ("was", "it") if len(files) == 1 else ("were", "they")
+    more = len(files) - MOST_LEFT_OUT
+    return [
+        f"{number_of(len(files), 'file')} {were} left out, since {they} cannot be read as the "
+        "table says",
+        *(f"left out {visible(facts.file)}: {facts.left_out}" for facts in files[:MOST_LEFT_OUT]),
+        *([f"left out {number_of(more, 'more file')}"] if more > 0 else []),
     ]
 
 

@@ -15,6 +15,7 @@ from taxel.errors import BadTable
 from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.header import PLAIN_COLUMNS, PREFIXES, check_header, table_cells
 from taxel.recordings.imports.intervals import stem_of
+from taxel.recordings.imports.left_out import naming_option
 from taxel.recordings.imports.many_trials import holds_many, refuse_words_of_many, trials_of
 from taxel.recordings.imports.matched_files import TableLine, one_line_a_file
 from taxel.recordings.imports.row_labels import ROWS, columns_by_row
@@ -55,19 +56,26 @@ class ImportRow:
     """How the names of a line's files were read, the same for all of them."""
     doubts: tuple[str, ...] = ()
     """What a person should check of these names."""
+    line: str = ""
+    """Table and line that name it; empty where there is no table."""
+    fault: BadTable | None = None
+    """Why no trial can be read from a file that holds many."""
 
 
-def read_rows(manifest_csv: Path, data_dir: Path, *, outside: bool = False) -> list[ImportRow]:
+def read_rows(
+    manifest_csv: Path, data_dir: Path, *, outside: bool = False, skip_unreadable: bool = False
+) -> list[ImportRow]:
     """Return the rows of an import table.
 
     Args:
         manifest_csv: The import table.
         data_dir: What the column `file` is relative to.
         outside: Also files that lie outside of that folder.
+        skip_unreadable: Give a row with its `fault` where a file of many trials cannot be read.
 
     Raises:
-        BadTable: A column is unknown or missing, a row is not complete, its file lies outside, or
-            no file matches its pattern.
+        BadTable: A column is unknown or missing, a row is not complete, its file lies outside or
+            cannot be read, or no file matches its pattern.
     """
     lines = table_cells(manifest_csv)
     header = [column_name(name, PLAIN_COLUMNS) for name in lines[0]]
@@ -83,15 +91,24 @@ def read_rows(manifest_csv: Path, data_dir: Path, *, outside: bool = False) -> l
         if any(cell.strip() for cell in cells)
     ]
     table_lines = _noted(
-        one_line_a_file(written, manifest_csv, data_dir, outside=outside), manifest_csv
+        one_line_a_file(written, manifest_csv, data_dir, outside=outside, lost=skip_unreadable),
+        manifest_csv,
     )
     _refuse_half_a_group(table_lines)
     often = Counter(line.cells["file"] for line in table_lines)
-    return [
-        _with_name(row, line)
-        for line in table_lines
-        for row in _rows(line, data_dir, outside, alone=often[line.cells["file"]] == 1)
-    ]
+
+    def rows_at(place: int) -> list[ImportRow]:
+        line = table_lines[place]
+        return _rows(line, data_dir, outside, alone=often[line.cells["file"]] == 1)
+
+    rows: list[ImportRow] = []
+    for place, line in enumerate(table_lines):
+        own = rows_at(place)
+        if own[0].fault is not None and not skip_unreadable:
+            raise naming_option(own[0].fault, [line.where for line in table_lines], place,
+                                lambda other: rows_at(other)[0].fault is None)  # fmt: skip
+        rows += [_with_name(row, line) for row in own]
+    return rows
 
 
 def _cells(path: Path, number: int, header: Sequence[str], cells: Sequence[str]) -> dict[str, str]:
@@ -155,16 +172,20 @@ def _refuse_half_a_group(lines: Sequence[TableLine]) -> None:
 
 
 def _rows(line: TableLine, data_dir: Path, outside: bool, *, alone: bool) -> list[ImportRow]:
-    """Return what one line of the table stands for: a file, or each trial of it."""
+    """Return what one line of the table stands for: a file, or each trial of it; or its fault."""
     named, where = line.cells, line.where
     file = file_of(named["file"], data_dir, where, outside=outside)
-    if not holds_many(file, named):
+    try:
+        many = trials_of(
+            file, named, data_dir, where, outside=outside,
+            labelled=any(name.startswith("label:") for name in line.values),
+        ) if holds_many(file, named) else None  # fmt: skip
+    except BadTable as error:
+        return [ImportRow(file=file, called=named["file"], fault=error)]
+    if many is None:
         refuse_words_of_many(named, where)
         return [_row(file, named, where)]
-    source, trials = trials_of(
-        file, named, data_dir, where, outside=outside,
-        labelled=any(name.startswith("label:") for name in line.values),
-    )  # fmt: skip
+    source, trials = many
     array = re.sub(r"[^A-Za-z0-9_]+", "-", source.what.replace("*", "")).strip("-")
     stem = stem_of(file.name) + (f"-{array}" if array and not alone else "")
     place = f"{named['file']}:{source.what}" if source.what else named["file"]
@@ -194,6 +215,7 @@ def _with_name(row: ImportRow, line: TableLine) -> ImportRow:
         groups={**row.groups, **read["group:"]},
         remarks=line.remarks,
         doubts=line.doubts,
+        line=line.where,
     )
 
 

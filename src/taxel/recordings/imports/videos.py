@@ -14,10 +14,10 @@ from pathlib import Path
 
 from taxel.errors import BadTable
 from taxel.frame_codec import encode_jpeg
+from taxel.recordings.imports.earlier import IMPORTED, import_folder
 from taxel.recordings.imports.footage import Footage, Video, coloured, open_footage
 from taxel.recordings.imports.video_rows import VideoRow
 from taxel.recordings.manifest import NO_ARRAY, Manifest
-from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame
 
@@ -40,7 +40,8 @@ def import_videos(
     Args:
         rows: What each recording is made of.
         output_dir: Folder to be made.
-        overwrite: Replace an existing folder that holds nothing else than these.
+        overwrite: Replace an existing folder that holds nothing else than these, and recordings of
+            earlier imports.
         progress: Called with recordings done and in all.
         on_uneven: Called with each video whose frames are not evenly spaced; they are taken so.
 
@@ -49,7 +50,7 @@ def import_videos(
         RecordingFailed: The disk refused.
     """
     files = [f"{row.name}.mcap" for row in rows]
-    with new_folder(output_dir, files, overwrite=overwrite) as made:
+    with import_folder(output_dir, files, overwrite=overwrite) as made:
         for done, (row, file) in enumerate(zip(rows, files, strict=True), 1):
             for video in _import_row(row, made / file):
                 if isinstance(video, Video) and video.uneven():
@@ -96,7 +97,7 @@ def _import_row(row: VideoRow, path: Path) -> list[Footage]:
                                 fitted_s=time_s,
                             )
                         )
-            recorder.close("imported")
+            recorder.close(IMPORTED)
     finally:
         for video in videos.values():
             video.close()

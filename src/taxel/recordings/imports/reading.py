@@ -1,0 +1,177 @@
+"""Read what a row of an import table stands for: a file, or a trial of one.
+
+What the row itself says wrongly is refused before its file is opened, so that faults of the table
+and of a file can be told apart. Knows nothing about how recordings are written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from taxel.errors import BadTable
+from taxel.plain_text import number_of
+from taxel.recordings.imports import tables
+from taxel.recordings.imports.layouts import LayoutReader, find_layout
+from taxel.recordings.imports.row_labels import marks_by_row
+from taxel.recordings.imports.row_times import Repeated, check_time
+from taxel.recordings.imports.rows import ImportRow
+from taxel.recordings.imports.table_columns import text_cells
+from taxel.recordings.imports.tables import Column, Missing, Table
+from taxel.recordings.imports.trial_runs import TextTrials
+from taxel.recordings.imports.trial_sets import Padding
+from taxel.signals import Mark, Samples
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Content:
+    """What a row's file, or a trial of it, holds."""
+
+    table: Table
+    samples: Samples
+    """The table's values, as scans."""
+    marks: tuple[Mark, ...]
+    """Of labels that stand in its rows."""
+    padding: Padding
+
+
+def reader_of(
+    row: ImportRow, missing: Missing, repeated: Repeated, code_dir: Path, *, allow_code: bool
+) -> Callable[[], Content]:
+    """Return what reads a row's file; a BadTable that it raises is the file's fault.
+
+    Args:
+        row: The row.
+        missing: What happens to values that are not finite.
+        repeated: What happens to rows that repeat the time of the row above.
+        code_dir: What the module of a layout is relative to.
+        allow_code: Whether modules may be run.
+
+    Raises:
+        BadTable: The row names channels, times or a layout that cannot be.
+    """
+    read = _table_reader(row, missing, repeated, code_dir, allow_code=allow_code)
+
+    def content() -> Content:
+        if not row.file.is_file():
+            raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
+        table, padding = read()
+        samples = Samples.from_values(table.values, table.time_s, row.full_scale)
+        marks = tuple(_marks(row, samples, table.repeated)) if row.by_row else ()
+        return Content(table=table, samples=samples, marks=marks, padding=padding)
+
+    return content
+
+
+def _table_reader(
+    row: ImportRow, missing: Missing, repeated: Repeated, code_dir: Path, *, allow_code: bool
+) -> Callable[[], tuple[Table, Padding]]:
+    if row.trial is not None:
+        return partial(row.trial.source.table, row.trial.index, missing, repeated)
+    where = f"the row of {row.file.name}"
+    if row.layout != "csv":
+        reader = find_layout(row.layout, code_dir, allow_code)
+        chosen = tables.parse_columns(row.channels, where) if row.channels else ()
+        return lambda: (_by_layout(row, reader, chosen, missing, repeated), Padding())
+    columns, time = tables.parse_columns(row.channels, where), tables.parse_time(row.time, where)
+    but = row.by_row.values()
+    return lambda: (
+        tables.read_table(row.file, columns, time, missing, repeated=repeated, but=but), Padding()
+    )  # fmt: skip
+
+
+def _marks(row: ImportRow, samples: Samples, left_out: Sequence[int]) -> list[Mark]:
+    """Return the marks of labels that stand in a file's rows.
+
+    Args:
+        row: What the file is.
+        samples: Its scans.
+        left_out: Rows, from 0, of which there is no scan.
+
+    Raises:
+        BadTable: No row has one.
+    """
+    columns = list(row.by_row.values())
+    if row.trial is None:
+        where = f"the row of {row.file.name}"
+        others = tables.names_of(tables.parse_columns(row.channels, where),
+                                 tables.parse_time(row.time, where))  # fmt: skip
+        rows = list(text_cells(row.file, columns, others)[1])
+        cells = [[own[place] for own in rows] for place in range(len(columns))]
+    else:
+        assert isinstance(row.trial.source, TextTrials)
+        source, index = row.trial.source, row.trial.index
+        cells = [source.by_row(index, column) for column in columns]
+    if left_out:
+        cells = [np.delete(np.array(own, object), list(left_out)).tolist() for own in cells]
+    marks = marks_by_row(dict(zip(row.by_row, cells, strict=True)), samples.fitted_s)
+    if not marks and not row.labels:
+        raise BadTable(
+            "a label in some row", f"none in the column {columns[0]!r} of {row.file}",
+            "fill it in, or leave the file out",
+        )  # fmt: skip
+    return marks
+
+
+def _by_layout(
+    row: ImportRow,
+    reader: LayoutReader,
+    columns: Sequence[Column],
+    missing: Missing,
+    repeated: Repeated,
+) -> Table:
+    try:
+        values, time_s, names, units = reader(row.file)
+        table = Table(
+            values=np.asarray(values, np.float64),
+            time_s=np.asarray(time_s, np.float64),
+            names=tuple(names),
+            units=tuple(units),
+        )
+    except BadTable:
+        raise
+    except Exception as error:  # a layout of the user's own may raise anything
+        raise BadTable(
+            f"a file in the layout {row.layout}",
+            f"{row.file}: {type(error).__name__}: {error}",
+            "mend the file or the layout",
+        ) from error
+    _check_shapes(row, table)
+    tables.check_values(row.file, table.values, table.names, missing)
+    table = table.without(check_time(row.file, table.time_s, repeated))
+    return _select(table, columns, f"the row of {row.file.name}") if columns else table
+
+
+def _check_shapes(row: ImportRow, table: Table) -> None:
+    rows = table.values.shape[0] if table.values.ndim else 0
+    wanted = (rows, len(table.names))
+    if (
+        table.values.shape != wanted
+        or table.time_s.shape != (rows,)
+        or len(table.units) != len(table.names)
+    ):
+        raise BadTable(
+            "values (n, channels), time_s (n,), one name and one unit a channel",
+            f"{table.values.shape}, {table.time_s.shape}, {number_of(len(table.names), 'name')}, "
+            f"{number_of(len(table.units), 'unit')} for {row.file}",
+            f"mend the layout {row.layout}",
+        )
+
+
+def _select(table: Table, columns: Sequence[Column], where: str) -> Table:
+    unknown = [column.name for column in columns if column.name not in table.names]
+    if unknown:
+        raise BadTable(
+            f"channels out of {', '.join(table.names)}", f"{unknown[0]!r} in {where}", "correct it"
+        )
+    places = [table.names.index(column.name) for column in columns]
+    return replace(
+        table,
+        values=table.values[:, places],
+        names=tuple(column.name for column in columns),
+        units=tuple(column.unit for column in columns),
+    )
