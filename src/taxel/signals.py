@@ -5,7 +5,7 @@ Knows nothing about files, models or where samples come from.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntFlag
 
@@ -316,3 +316,13 @@ class Mark:
     """What may be learned: shape, material, sign, object …"""
     groups: Mapping[str, str] = field(default_factory=dict)
     """What must not be split: session, grasp, file … and nuisances such as force_n."""
+
+    def within(self, groups: Collection[str]) -> Mark:
+        """Return the mark without the groups that a person named for the whole recording: these go
+        before what a source, such as a simulator, says of each trial.
+
+        Args:
+            groups: Their names.
+        """
+        own = {name: value for name, value in self.groups.items() if name not in groups}
+        return replace(self, groups=own)

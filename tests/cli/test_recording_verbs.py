@@ -2,6 +2,7 @@
 
 import json
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -118,6 +119,19 @@ def test_a_camera_that_stands_still_does_not_hold_up_the_end(tmp_path):
     ledger = record(source, tmp_path / "a.mcap", 0.255)
     assert (ledger["scans"], ledger["cameras"]["left"]["frames"]) == (255, 0)
     assert source.given <= 255 + 500 + 10
+
+
+def test_a_group_given_for_the_recording_goes_before_what_the_source_says(tmp_path):
+    class Simulated(Numbered):
+        def marks(self) -> list[Mark]:
+            return [replace(mark, groups={"session": "live", "grasp": "1"})
+                    for mark in super().marks()]  # fmt: skip
+
+    path = tmp_path / "a.mcap"
+    record_source(Simulated(500), path, 0.2, labels={}, groups={"session": "mine"})
+    recording = read_recording(path)
+    assert recording.manifest.groups == {"session": "mine"}
+    assert recording.marks[0].groups == {"grasp": "1"}
 
 
 def test_a_source_that_ends_ends_the_recording(tmp_path):

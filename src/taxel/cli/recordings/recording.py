@@ -78,7 +78,7 @@ def record_source(
             for frame in inside:
                 recorder.frame(frame)
             for mark in source.marks():
-                recorder.mark(mark)
+                recorder.mark(mark.within(groups))
             if len(samples) or frames:
                 heard = time.monotonic()
                 bars.update(bar, completed=span.done_s)

@@ -157,6 +157,8 @@ class _Desk:
         self._news = news
         self._recorder: Recorder | None = None
         self._path: Path | None = None
+        self._groups: dict[str, str] = {}
+        """What a person said that the recording under way belongs to."""
         self._began_s = 0.0
         self._lost_before = 0
         self._error = ""
@@ -266,9 +268,10 @@ class _Desk:
         overwrite = overwrite and path == asked
         arrays = [source.sensor for source in self._job.sources if source.array]
         cameras = apart([camera for source in self._job.sources for camera in source.cameras])
+        self._groups = dict(order.get("groups", {}))
         manifest = Manifest.started_now(
-            arrays[0] if arrays else NO_ARRAY, dict(order.get("labels", {})),
-            dict(order.get("groups", {})), cameras=cameras,
+            arrays[0] if arrays else NO_ARRAY, dict(order.get("labels", {})), self._groups,
+            cameras=cameras,
         )  # fmt: skip
         try:
             self._recorder = Recorder(path, manifest, stall_s=_STALL_S, overwrite=overwrite)
@@ -297,7 +300,7 @@ class _Desk:
             elif isinstance(packet, Frame):
                 recorder.frame(replace(packet, camera=packet.camera + recorded.first_camera))
             elif isinstance(packet, Mark):
-                recorder.mark(packet)
+                recorder.mark(packet.within(self._groups))
             self._kept += 1
         except TaxelError as error:
             self._error = str(error)
