@@ -156,7 +156,7 @@ def test_an_accuracy_on_training_recordings_is_no_test_and_says_so(
     _, touch = short_touch
     fingerprints = load_dataset(Path(touch), TOUCH_WINDOW).fingerprints.values()
     for learned, warning in (
-        (tuple(map(fingerprint_of, fingerprints)), "was trained on 1 of these recordings"),
+        (tuple(map(fingerprint_of, fingerprints)), "was trained on "),
         ((), "does not say which recordings"),
         (("0" * 16,), None),
     ):

@@ -159,7 +159,7 @@ def test_a_test_part_that_the_bundle_was_trained_on_is_said(
 
     assert found["trials"] == 2
     assert found["learned_from"] == ["a_2_0.mcap"]
-    assert found["warning"].startswith("the bundle was trained on 1 of these recordings")
+    assert found["warning"].startswith("the bundle was trained on a_2_0.mcap")
 
 
 def test_live_replays_a_folder_and_agrees_with_the_score(

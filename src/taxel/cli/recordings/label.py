@@ -98,7 +98,7 @@ class Label:
                 if len(paths) > 1
                 else [read_camera_recording(paths[0])]
             )
-            bar.update(task, description="change", completed=0, total=len(pours))
+            bar.update(task, description="labelling", completed=0, total=len(pours))
             sheet = label_sheet(
                 pours, self.cache or default_cache(), lambda _: bar.update(task, advance=1)
             )

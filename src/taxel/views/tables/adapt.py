@@ -12,7 +12,10 @@ from rich.table import Table
 from taxel.bundles.contract import Contract
 from taxel.bundles.levels import TouchLevel
 from taxel.bundles.versions import OF_ALL, Change, History, kept_path
-from taxel.plain_text import number_of, visible, visible_line
+from taxel.plain_text import number_of, visible, visible_line, visible_names
+
+FELL = 0.1
+"""Accuracy that a class loses from which on a warning names it. Source: our choice, decision 28."""
 
 
 def level_table(contract: Contract, found: TouchLevel) -> Table:
@@ -38,8 +41,19 @@ def level_table(contract: Contract, found: TouchLevel) -> Table:
 
 
 def before_after_table(change: Change, measured_on: str) -> Table:
-    """Return the share of windows predicted correctly before and after, by class."""
-    table = Table(title=f"accuracy by window on {visible(measured_on)}", title_justify="left")
+    """Return the share of windows predicted correctly before and after, by class.
+
+    A warning below names classes that fell far.
+    """
+    fell = [name for name, after in change.after.items() if change.before[name] - after > FELL]
+    warning = (
+        f"warning: fell by more than {100 * FELL:g} points: {visible_names(fell)}; learn grasps of "
+        "known classes from this session too, or go back with --rollback"
+    )
+    table = Table(
+        title=f"accuracy by window on {visible(measured_on)}", title_justify="left",
+        caption=visible_line(warning) if fell else None, caption_justify="left",
+    )  # fmt: skip
     table.add_column("class")
     for column in ("before", "after", "points"):
         table.add_column(column, justify="right")

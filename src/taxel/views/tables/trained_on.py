@@ -25,6 +25,8 @@ def trained_on_line(names: Sequence[str], what: str, *, known: bool) -> str | No
         )
     if not names:
         return None
+    if len(names) == 1:
+        return f"the bundle was trained on {visible(names[0])}: accuracy on it is not a test"
     return (
         f"the bundle was trained on {len(names)} of these {what} (such as {visible(names[0])}): "
         "accuracy on them is not a test"
