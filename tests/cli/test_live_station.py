@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import socket
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,7 +16,7 @@ from taxel.cli.live.station import _still_to_arm
 from taxel.cli.live.station_screen import press
 from taxel.cli.live.summaries import print_station_summary
 from taxel.cli.main import main
-from taxel.errors import BadBundle
+from taxel.errors import BadBundle, BadSource
 from taxel.live.station.wiring import StationConfig
 from taxel.recordings.reader import iterate_frames
 from taxel.recordings.trial_log import log_of, read_trial_log
@@ -216,3 +217,22 @@ def test_a_bundle_that_comes_with_taxel_is_named_without_a_path_and_a_file_goes_
     assert find_bundle(Path(CUP_POUR)) == Path(CUP_POUR)
     with pytest.raises(BadBundle, match="cup-pour"):
         shipped_bundle("nothing")
+
+
+@pytest.mark.slow
+def test_a_station_that_is_stopped_while_it_starts_reports_no_fault(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """A signal to the whole group ends its processes, too: that is no fault of theirs."""
+
+    def stopped(*_: object) -> None:
+        signal.raise_signal(signal.SIGTERM)
+        raise BadSource("the page to start", "it ended without a word", "run: taxel doctor")
+
+    monkeypatch.setattr("taxel.cli.live.station._open_outputs", stopped)
+    with pytest.raises(SystemExit) as ended:
+        main(["live", "cup-pour", "sim://cup-pour", "--page", "127.0.0.1:0"])
+    printed = capsys.readouterr()
+    assert ended.value.code == 0
+    assert "stopped before the station had started" in printed.err
+    assert "needed" not in printed.out + printed.err

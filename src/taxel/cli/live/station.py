@@ -17,7 +17,7 @@ from taxel.cli.live.station_screen import EventLines, PrinterThread, press, prin
 from taxel.cli.live.summaries import print_station_summary, station_summary
 from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.cli.recordings.recording import SUMMARY_FOLLOWS, stop_signals
-from taxel.errors import BadInput
+from taxel.errors import BadInput, TaxelError
 
 if TYPE_CHECKING:
     from taxel.actions.actuators import Actuator
@@ -87,9 +87,15 @@ def live_station(options: StationOptions) -> dict[str, Any]:
         stopped = stack.enter_context(
             stop_signals("completing the file" if options.record else SUMMARY_FOLLOWS)
         )
-        station = stack.enter_context(Station(config))
-        keys = stack.enter_context(Keys())
-        _open_outputs(options, station, actuators)
+        try:
+            station = stack.enter_context(Station(config))
+            keys = stack.enter_context(Keys())
+            _open_outputs(options, station, actuators)
+        except TaxelError:
+            if not stopped():
+                raise
+            say_aside("stopped before the station had started")  # its processes were, too
+            raise SystemExit(0) from None
         for url in station.wiring.unwatched:
             _note(options, f"nothing watches {url}: name one more bundle with --also")
         events = EventLines(printer)
