@@ -207,7 +207,7 @@ def _one_side_note(
         where = f"{number_of(len(twice), 'tested trial')} {counts} more than once"
     mend = "say so" if streams or not twice else "keep one of each, or say so"
     if odd:
-        mend = f"{_NEITHER}; else {mend}"
+        mend = f"{_NEITHER}; for the others {mend}"
     return Finding(
         kind=kind, verdict="note", examples=examples,
         message=f"{what}, each on one side of the split: nothing of a test trial is in its "
@@ -234,12 +234,13 @@ def _mend(joins: str, streams: bool, odd: int, pairs: int) -> str:
     if streams:
         return "hold out whole streams: name what the trials were cut from as a group of the " \
                "import (such as group:stream)"  # fmt: skip
-    keep = "keep one of each"
-    if odd:
-        keep = f"{_NEITHER}; then keep the right one"
-        keep += "; of the others keep one" if odd < pairs else ""
+    keep = f"{_NEITHER}; of the others keep one of each" if odd else "keep one of each"
+    if odd == pairs:
+        keep = f"{_NEITHER}; then keep that one"
     if joins:
         return f"{keep}, or hold out {joins}, which keep them together"
+    if odd == pairs:
+        return keep
     return f"{keep}, or give all copies of a trial to the side of their original"
 
 

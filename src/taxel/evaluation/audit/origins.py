@@ -32,6 +32,8 @@ _FILES = ("recording", "file", _IMPORTED)
 _NAMED = "Each imported file holds one class only, and has the label in its name. That name is " \
          "nothing that a model sees; but if files were recorded at different times, so may " \
          "anything that differed between them give the label away."  # fmt: skip
+_NAME_SESSIONS = "name what was recorded at one time as a group of the import (such as " \
+                 "group:session), and hold it out; else say so"  # fmt: skip
 _UNITS = ("_n", "_mm", "_s", "_c", "_pct", "_hz", "_v", "_g", "_kg", "_deg", "_ppm", "_pf", "_um")
 
 
@@ -146,8 +148,7 @@ def _read_key(
         else:
             verdict = "note"
         if verdict == "leak" and named:
-            return "hazard", _NAMED, "name what was recorded at one time as a group of the import " \
-                   "(such as group:session), and hold it out; else say so"  # fmt: skip
+            return "hazard", _NAMED, _NAME_SESSIONS
         if nested:
             message = f"Each {single!r} holds one class only: its name predicts the label{too}, " \
                       "and so may anything that differs between them."  # fmt: skip
