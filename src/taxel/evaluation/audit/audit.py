@@ -6,16 +6,23 @@ Knows nothing about files, screens or how single checks work.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from taxel.evaluation.audit.case import Case, Reading
-from taxel.evaluation.audit.copies import near_copies, same_rows
+from taxel.evaluation.audit.copies import exact_copies, near_copies, same_rows
 from taxel.evaluation.audit.copy_findings import COPIES_UNKNOWN, repeated, shared_copies
 from taxel.evaluation.audit.cut_windows import beside_windows, cut_windows
 from taxel.evaluation.audit.evidence import trial_folds
 from taxel.evaluation.audit.finding import Audit, Finding, holm, sort_findings
 from taxel.evaluation.audit.frame_words import as_frames
 from taxel.evaluation.audit.gaps import Gap, measure_gaps
+from taxel.evaluation.audit.label_channels import CLEAR as NO_LABEL_CHANNELS
+from taxel.evaluation.audit.label_channels import (
+    label_channels,
+    read_label_channels,
+    without_channels,
+)
 from taxel.evaluation.audit.names import near_names
 from taxel.evaluation.audit.noise import left_out
 from taxel.evaluation.audit.nuisances import read_first, read_length, read_level, read_place
@@ -75,6 +82,14 @@ def audit(
     facts: list[Finding] = []
     if run is not None:
         facts.append(scaled_run(case, run))
+    waiting: list[Reading | Gap] = []
+    labels = label_channels(touch)
+    if len(labels):
+        waiting.append(read_label_channels(case, labels))
+        touch = without_channels(touch, labels)
+        case = replace(case, touch=touch)
+    else:
+        facts.append(NO_LABEL_CHANNELS)
     on_step("copies")
     single = is_single(touch)
     facts += single_facts(case) if single else _copies(case)
@@ -86,7 +101,6 @@ def audit(
                   future_labels(case)]  # fmt: skip
     elif not touch.keys(SESSIONS):
         facts.append(SESSIONS_UNKNOWN)
-    waiting: list[Reading | Gap] = []
     for name, read in () if single else _READ.items():
         on_step(name)
         waiting.append(read(case))
@@ -140,11 +154,11 @@ def _copies(case: Case) -> list[Finding]:
     if near or not repeats:
         facts.append(shared_copies(case, "near-duplicates", near,
                                    "are copies but for scale, offset or noise",
-                                   unseen))  # fmt: skip
+                                   unseen, sure=exact_copies(touch, near)))  # fmt: skip
     else:
         facts.append(repeated(touch, repeats))
     facts.append(shared_copies(case, "augmented copies", turned, "are copies turned round",
-                               unseen))  # fmt: skip
+                               unseen, sure=exact_copies(touch, turned)))  # fmt: skip
     return facts
 
 

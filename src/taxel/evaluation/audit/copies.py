@@ -154,6 +154,30 @@ def near_copies(touch: TouchSet, known: Pairs) -> tuple[Pairs, Pairs, Pairs]:
     return near, {pair: straight[pair] for pair in straight.keys() - near.keys()}, turned
 
 
+def exact_copies(touch: TouchSet, pairs: Pairs) -> set[tuple[int, int]]:
+    """Return the pairs of which one is the other, scaled and offset by channel, up to rounding.
+
+    As it is, turned round, or run backwards. The others are alike, by noise that was added to a
+    copy or because a touch was repeated.
+    """
+    if not pairs:
+        return set()
+    steps = small_steps(touch.rows)
+    turns = [lambda rows: rows, *_turns(touch)]
+
+    def exact(a: int, b: int) -> bool:
+        first, other = touch.rows[a], touch.rows[b]
+        return len(first) == len(other) and any(
+            up_to_rounding(turn(own[None])[0], beside, steps)
+            for own, beside in ((first, other), (other, first)) for turn in turns
+        )  # fmt: skip
+
+    found = {pair for pair in pairs if exact(*pair)}
+    if pairs.keys() - found:
+        found |= pairs.keys() & rows_backwards(touch).keys()
+    return found
+
+
 def _same_noise(
     first: NDArray[np.float32], other: NDArray[np.float32], steps: NDArray[np.float64]
 ) -> bool:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.stats import binom, norm
 from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
 
@@ -248,6 +248,11 @@ def gap_p(difference: Array, seed: int = 0) -> float:
         signs = rng.choice((-1.0, 1.0), (len(part), len(difference)))
         part[:] = (signs * difference).mean(axis=1)
     return _p(float(difference.mean()), by_chance, 1.0)
+
+
+def sign_p(better: int, worse: int) -> float:
+    """Return the chance that so many or more of all cases that differ are better: a sign test."""
+    return float(binom.sf(better - 1, better + worse, 0.5))
 
 
 def _p(value: float, by_chance: Array, wider: float) -> float:

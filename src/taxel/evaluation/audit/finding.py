@@ -5,9 +5,11 @@ Knows nothing about how leaks are found.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
+
+from taxel.plain_text import number_of
 
 Verdict = Literal["leak", "hazard", "note", "clear", "too few", "not checked"]
 """leak: must be mended, whatever is claimed; hazard: becomes a leak under a split that allows it,
@@ -17,6 +19,16 @@ decided with so few trials, which is not the same."""
 
 UNSURE = "first frame"
 """The kind whose hazard waits for an answer of the reader's, not for a split."""
+UNLESS = {
+    UNSURE: "trials begin before contact",
+    "near-duplicates": "trials were copied",
+    "augmented copies": "trials were copied",
+    "name: imported file": "each file was recorded at another time",
+}
+"""Kinds whose hazard under a split waits for an answer, too → under which condition it leaks."""
+LITTLE = 0.01
+"""Change of the accuracy, 0…1, below which leaks are no reason to hold a result back. Source: our
+choice, docs/decisions/0023."""
 ALARMS: tuple[Verdict, ...] = ("leak", "hazard")
 MEANING: dict[Verdict, str] = {
     "leak": "an accuracy measured here is not to be believed until this is mended",
@@ -53,6 +65,9 @@ class Finding:
     left: float | None = None
     """Accuracy that cheap trees still reach on touch once this is tared or cropped away, 0…1; None
     where no such mending is known."""
+    at_most: float | None = None
+    """Share of the tested items that a fact concerns, 0…1: it can change the accuracy by no more;
+    None where that is not known."""
 
     @property
     def alarm(self) -> bool:
@@ -88,16 +103,17 @@ class Audit:
     @property
     def verdict(self) -> str:
         """One sentence for a reader in a hurry."""
-        leaks = sum(finding.verdict == "leak" for finding in self.findings)
+        leaks = [finding for finding in self.findings if finding.verdict == "leak"]
         waiting = [finding.kind for finding in self.findings if finding.verdict == "hazard"]
-        unsure = UNSURE in waiting
-        hazards = len(waiting) - unsure
+        asked = [kind for kind in waiting if kind == UNSURE or (self.split and kind in UNLESS)]
+        hazards = len(waiting) - len(asked)
         where = f"under the split {self.split!r}" if self.split else "in these recordings"
         if leaks:
             more = f", and {hazards} more would leak under a careless split" if hazards else ""
-            more += f", and the {UNSURE} leaks if trials begin before contact" if unsure else ""
-            return f"{leaks} leak{'s' * (leaks > 1)} {where}{more}: do not publish yet."
-        less = f", unless trials begin before contact ({UNSURE})" if unsure else ""
+            more += "".join(f", and the {kind} leaks if {UNLESS[kind]}" if kind == UNSURE else
+                            f", and {kind} if {UNLESS[kind]}" for kind in asked)  # fmt: skip
+            return f"{number_of(len(leaks), 'leak')} {where}{more}: {_weight(leaks)}."
+        less = "".join(f", unless {UNLESS[kind]} ({kind})" for kind in asked)
         if hazards:
             turned = f"{hazards} hazards into leaks" if hazards > 1 else "1 hazard into a leak"
             return f"No leak {where}{less}; a careless split would turn {turned}{self._few}."
@@ -108,6 +124,16 @@ class Audit:
         """What could not be found out, as the end of a sentence; empty where there is none."""
         kinds = [finding.kind for finding in self.findings if finding.verdict == "too few"]
         return f"; could not be decided with so few trials: {', '.join(kinds)}" if kinds else ""
+
+
+def _weight(leaks: Sequence[Finding]) -> str:
+    """Return what leaks mean for a result: not much where they concern hardly any of the tests."""
+    shares = [leak.at_most for leak in leaks if leak.at_most is not None]
+    if len(shares) < len(leaks) or sum(shares) >= LITTLE:
+        return "do not publish yet"
+    they = "it" if len(leaks) == 1 else "together they"
+    return f"{they} can change the accuracy by {sum(shares):.3f} at most; mend it, or state it " \
+           "beside the result"  # fmt: skip
 
 
 ORDER: tuple[Verdict, ...] = ("leak", "hazard", "note", "too few", "clear", "not checked")

@@ -6,6 +6,10 @@ well, nobody can know. Knows nothing about values.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
+from pathlib import PurePosixPath
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +18,7 @@ from taxel.evaluation.audit.evidence import LabelEvidence, evidence_of, look_up,
 from taxel.evaluation.audit.finding import Verdict
 from taxel.evaluation.audit.touch_set import SESSIONS, TouchSet
 from taxel.labels.class_order import in_order
-from taxel.labels.trials import OBJECTS
+from taxel.labels.trials import OBJECTS, Trial
 from taxel.plain_text import several
 
 FINGERPRINT = 0.9
@@ -22,8 +26,14 @@ FINGERPRINT = 0.9
 NUMBERS = ("trial_number", "number", "index", "order", "attempt", "repetition", "rep", "repeat",
            "take")  # fmt: skip
 """Groups that count trials in the order in which they were recorded."""
-_FILES = ("recording", "file", "detail imported_from")
+_IMPORTED = "detail imported_from"
+_FILES = ("recording", "file", _IMPORTED)
 """Names of files: what belongs in them is no setting."""
+_NAMED = "Each imported file holds one class only, and has the label in its name. That name is " \
+         "nothing that a model sees; but if files were recorded at different times, so may " \
+         "anything that differed between them give the label away."  # fmt: skip
+_NAME_SESSIONS = "name what was recorded at one time as a group of the import (such as " \
+                 "group:session), and hold it out; else say so"  # fmt: skip
 _UNITS = ("_n", "_mm", "_s", "_c", "_pct", "_hz", "_v", "_g", "_kg", "_deg", "_ppm", "_pf", "_um")
 
 
@@ -52,8 +62,23 @@ def _named(case: Case) -> list[tuple[str, NDArray[np.str_]]]:
             found[key] = values
     for key in sorted({key for of in touch.files for key in of}):
         found[key] = np.array([of.get(key, "") for of in touch.files])
+    if _IMPORTED in found:
+        found[_IMPORTED] = np.array(list(map(_imported_file, touch.trials, touch.files)))
     limit = len(touch) / 2
     return [(k, v) for k, v in found.items() if 1 < len(set(v)) <= limit and k not in OBJECTS]
+
+
+def _imported_file(trial: Trial, of: Mapping[str, str]) -> str:
+    """Return the file that a trial was imported from, with its folder.
+
+    What the recording says of it has no folder: files of several folders may share that name. The
+    group `file` has one, and the trial's key where a file holds many trials.
+    """
+    name = of.get(_IMPORTED, "")
+    key, array = of.get("detail trial", ""), of.get("detail trials", "")
+    path = trial.groups.get("file", "")
+    path = path.removesuffix(f"[{key}]").removesuffix(f":{array}" if array else "")
+    return path if PurePosixPath(path).name == name else name
 
 
 def _once(
@@ -82,7 +107,7 @@ def _is_detail(key: str) -> bool:
 
 def _words(key: str) -> tuple[str, str]:
     """Return a name in plain words, one and several: what a file says beside is no group."""
-    if key == "detail imported_from":
+    if key == _IMPORTED:
         return "imported file", "files"
     plain = key.removeprefix("detail ").replace("_", " ") if _is_detail(key) else key
     return plain, f"sets of equal {plain}" if _is_detail(key) else several(key)
@@ -107,6 +132,8 @@ def _read_key(
     evidence = evidence_of(look_up(values, y, case.plain), y, np.arange(len(y)), None, case.plain)
     nested = _nested(y, values)
     session = key in SESSIONS
+    labels = [trial.labels[touch.target] for trial in touch.trials]
+    named = key == _IMPORTED and all(map(_holds_word, values, labels))
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
@@ -120,6 +147,8 @@ def _read_key(
             verdict = "hazard"
         else:
             verdict = "note"
+        if verdict == "leak" and named:
+            return "hazard", _NAMED, _NAME_SESSIONS
         if nested:
             message = f"Each {single!r} holds one class only: its name predicts the label{too}, " \
                       "and so may anything that differs between them."  # fmt: skip
@@ -133,6 +162,13 @@ def _read_key(
     return Reading(
         kind=f"name: {single}", evidence=evidence, decide=decide, examples=tuple(examples)
     )
+
+
+def _holds_word(name: str, word: str) -> bool:
+    """Return whether a word or number stands in a name by itself: `cup` or `3` in cup3.csv."""
+    before, behind = (r"\d" if end.isdigit() else r"[^\W\d_]" for end in (word[:1], word[-1:]))
+    whole = f"(?<!{before}){re.escape(word)}(?!{behind})"
+    return bool(word) and re.search(whole, name, re.IGNORECASE) is not None
 
 
 def _nested(inner: NDArray[np.generic], outer: NDArray[np.str_]) -> bool:

@@ -173,7 +173,7 @@ def future_labels(case: Case) -> Finding:
         )
     y = case.touch.y[case.pieces.trial]
     right = total = 0
-    usual = np.bincount(np.concatenate([y[test] for _, test in case.sides.folds])).argmax()
+    usual = commonest(case)
     for _, test in case.sides.folds:
         right += int((late[test] | (y[test] == usual)).sum())
         total += len(test)
@@ -202,7 +202,7 @@ def looked_up(case: Case, partners: Sequence[Partners]) -> tuple[float, float, i
     assert case.sides is not None
     y = case.touch.y[case.pieces.trial]
     right = count = total = 0
-    usual = int(np.bincount(np.concatenate([y[test] for _, test in case.sides.folds])).argmax())
+    usual = commonest(case)
     for (_, test), own in zip(case.sides.folds, partners, strict=True):
         for piece, found in zip(test, own, strict=True):
             named = int(np.bincount(y[found]).argmax()) if len(found) else usual
@@ -212,6 +212,13 @@ def looked_up(case: Case, partners: Sequence[Partners]) -> tuple[float, float, i
     return right / total, majority(y, case.sides.folds), count, total
 
 
+def commonest(case: Case) -> int:
+    """Return the commonest class of all test parts, pieces counted: the best single answer."""
+    assert case.sides is not None
+    y = case.touch.y[case.pieces.trial]
+    return int(np.bincount(np.concatenate([y[test] for _, test in case.sides.folds])).argmax())
+
+
 def _fact(
     kind: str, looked_up: tuple[float, float, int, int], what: str, clear: str, mend: str
 ) -> Finding:
@@ -219,4 +226,4 @@ def _fact(
     if not count:
         return Finding(kind=kind, verdict="clear", message=clear)
     return Finding(kind=kind, verdict="leak", message=f"{count} of {total} {what}.", mend=mend,
-                   alone=alone, majority=usual)  # fmt: skip
+                   alone=alone, majority=usual, at_most=count / total)  # fmt: skip
