@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from taxel.evaluation.audit.audit import audit, make_case
+from taxel.evaluation.audit.case import Reading
 from taxel.evaluation.audit.copy_findings import shared_copies
+from taxel.evaluation.audit.evidence import LabelEvidence
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.names import near, near_names
 from taxel.evaluation.audit.nuisances import read_first, read_length, read_level
@@ -134,6 +136,22 @@ def test_few_trials_are_not_called_clean(make_set: Make) -> None:
     assert kinds["length"] == "too few"
     assert "could not be decided with so few trials: " in result.verdict
     assert others["length"] == "clear"
+
+
+def test_of_so_few_trials_what_reaches_much_alone_is_named_with_its_figure() -> None:
+    """It cannot be decided; but "does not predict" would be false."""
+    evidence = LabelEvidence(accuracy=1.0, majority=0.5, auc=1.0, p=0.4)
+    reading = Reading(
+        kind="length", evidence=evidence,
+        decide=lambda _: ("clear", "A trial's length does not predict the label.", ""),
+    )  # fmt: skip
+    found = reading.finding(0.4)
+    assert found.verdict == "too few"
+    assert found.message == (
+        "Alone it reaches 1.000 (majority 0.500), but of so few trials even that could be chance."
+    )
+    low = replace(reading, evidence=replace(evidence, accuracy=0.6)).finding(0.4)
+    assert low.message.startswith("A trial's length does not predict the label as far as")
 
 
 def test_trials_of_one_length_cannot_be_told_by_it_however_few(make_set: Make) -> None:

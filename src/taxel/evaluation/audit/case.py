@@ -72,9 +72,13 @@ class Reading:
             left, sentence = self.mended()
             message = f"{message} {sentence}"
         if verdict == "clear" and not self.same and not self.evidence.could_count(tests):
-            verdict = "too few"
-            message = f"{message.rstrip('.')} as far as so few trials show: even a leak that " \
-                      "goes half of the way to certainty could be chance."  # fmt: skip
+            verdict, own = "too few", self.evidence
+            if own.accuracy > (1.0 + own.majority) / 2.0:
+                message = f"Alone it reaches {own.accuracy:.3f} (majority {own.majority:.3f}), " \
+                          "but of so few trials even that could be chance."  # fmt: skip
+            else:
+                message = f"{message.rstrip('.')} as far as so few trials show: even a leak that " \
+                          "goes half of the way to certainty could be chance."  # fmt: skip
         return Finding(
             kind=self.kind, verdict=verdict, message=message, mend=mend,
             alone=self.evidence.accuracy, majority=self.evidence.majority, auc=self.evidence.auc,
