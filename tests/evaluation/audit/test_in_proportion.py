@@ -141,6 +141,7 @@ def test_what_concerns_hardly_any_tested_trial_is_a_note_unless_it_is_a_copy(
     repeat, copy = alike(touch, pairs), alike(touch, pairs, sure=pairs)
 
     assert (repeat.verdict, copy.verdict) == ("note", "leak")
+    assert repeat.message.endswith("gains next to nothing.")
     assert copy.at_most == pytest.approx(2 / 600)
     assert "2 of 600 tested trials" in copy.message
     assert "can change the accuracy by 0.003 at most" in copy.message

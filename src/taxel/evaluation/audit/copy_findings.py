@@ -145,16 +145,17 @@ def _by_gain(found: Finding, gains: Sequence[int]) -> Finding:
     much = found.at_most is None or found.at_most >= LITTLE
     if much and sign_p(better, worse) < SURE:
         return found
+    message = found.message.replace(" are copies", " are alike")
     if much and better >= worse and sign_p(len(gains), 0) >= SURE:
         return replace(
             found, verdict="hazard",
-            message=f"{found.message} They are too few to show whether that gives the label away: "
+            message=f"{message} They are too few to show whether that gives the label away: "
                     "if they were copied it is a leak, if one touch was repeated it is none.",
         )  # fmt: skip
     return replace(
         found, verdict="note",
-        message=f"{found.message} Knowing their labels gains no more than chance, or next to "
-                "nothing: rather a touch that was repeated than a copy.",
+        message=f"{message} Knowing their labels gains "
+        + ("no more than chance." if much else "next to nothing."),
         mend=f"if they were copied, {found.mend}; if one touch was repeated, say so",
     )  # fmt: skip
 
