@@ -241,3 +241,38 @@ def test_what_is_left_out_of_windows_of_one_row_is_called_scans(
     record(tmp_path, "a", [], samples)
     (note,) = load_dataset(tmp_path, WindowConfig(steps=steps, stride=steps)).notes
     assert note == f"1 {noun} with missing values or NaN: left out"
+
+
+def test_the_key_time_orders_the_trials_of_one_recording_by_their_starts(tmp_path: Path):
+    record(tmp_path, "a", [grasp(0, 94, "sphere"), grasp(100, 199, "cylinder")])
+    dataset = load_dataset(tmp_path, CONFIG, target="shape")
+    assert [float(start) for start in dataset.group("time")] == [0.0, 1.0]
+
+
+def test_a_group_called_time_must_stand_on_every_trial(tmp_path: Path):
+    named = replace(grasp(0, 94, "sphere"), groups={"time": "9"})
+    record(tmp_path, "a", [named, grasp(100, 199, "cylinder")])
+    dataset = load_dataset(tmp_path, CONFIG, target="shape")
+    with pytest.raises(BadDataset, match="the group 'time' on every trial"):
+        dataset.group("time")
+
+
+def test_trials_that_a_data_set_does_not_have_are_refused(tmp_path: Path):
+    record(tmp_path, "a", [grasp(0, 94, "sphere"), grasp(100, 199, "cylinder")])
+    dataset = load_dataset(tmp_path, CONFIG, target="shape")
+    assert len(dataset.only_trials([])) == 0
+    with pytest.raises(BadDataset, match="indices of trials from 0 to 1; got 0 to 2"):
+        dataset.only_trials([0, 2])
+
+
+def test_two_rows_last_a_time_so_that_rates_that_differ_are_refused(tmp_path: Path):
+    """One row lasts none, and takes recordings of any rate."""
+    fast = replace(INFO, rate_hz=400.0)
+    number = np.arange(200)
+    samples = Samples.from_values(np.stack([number, number % 7], axis=1), number / 400.0)
+    record(tmp_path, "a", [], labels={"shape": "cone"})
+    record(tmp_path, "b", [], samples, sensor=fast, labels={"shape": "ball"})
+    single, double = (WindowConfig(steps=n, stride=n, grid_hz=None) for n in (1, 2))
+    assert len(load_dataset(tmp_path, single, target="shape")) == 400
+    with pytest.raises(BadDataset, match="about 100 scans/s in every recording"):
+        load_dataset(tmp_path, double, target="shape")

@@ -269,3 +269,11 @@ def test_a_family_is_looked_at_camera_by_camera():
 def test_a_pixel_is_scaled_for_a_row_of_320():
     assert mm_per_px(640, 0.05) == pytest.approx(0.1)
     assert mm_per_px(640, None) == USUAL_MM_PER_PX
+
+
+@pytest.mark.parametrize("name", ["pixels", "slip", "stills"])
+def test_of_few_images_the_last_one_stands_still_until_there_are_enough(name: str):
+    scene = Scene([plain(10 * n) for n in range(3)], 25.0, 0.065)
+    held = Scene([plain(10 * min(n, 2)) for n in range(8)], 25.0, 0.065)
+    shown, wanted = (look_at([name], [own])[name] for own in (scene, held))
+    np.testing.assert_array_equal(shown, wanted)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taxel.windows import trial_picture
 from taxel.windows.trial_crops import FAMILIES, Scene, look_at, row_of
 from taxel.windows.trial_picture import CELLS, COLUMNS, ROWS, look_at_picture
 
@@ -63,3 +64,10 @@ def test_two_cameras_give_the_largest_and_the_least() -> None:
     row = row_of(look_at(["picture"], scenes))["picture"]
     assert len(row) == 2 * ROWS * FAMILIES["picture"].columns
     assert (row[0], row[ROWS * COLUMNS]) == (50.0, 9.0)
+
+
+@pytest.mark.parametrize("level", [0.1, 0.3, 0.7, 33.3, 101.7, 200.9])
+def test_rounding_makes_no_spread_of_an_even_cell_that_is_no_number(level: float) -> None:
+    """The mean of squares may come out a hair below the square of the mean."""
+    picture = np.full((123, 157, 3), level, np.float32)
+    assert np.isfinite(trial_picture._by_cell(picture)).all()

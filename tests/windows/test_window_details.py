@@ -112,3 +112,30 @@ def test_a_scan_s_largest_age_is_said_in_milliseconds():
     assert too_old(WindowConfig(max_age_s=0.6)) == "over 600 ms old"
     assert too_old(WindowConfig(max_age_s=1.5)) == "over 1.5 s old"
     assert too_old(WindowConfig(max_age_s=1.0)) == "over 1 s old"
+
+
+def test_a_gate_follows_over_more_than_no_time():
+    with pytest.raises(ValueError, match="over more than 0 s"):
+        WindowConfig(gate=1.0, gate_follow_s=-1.0)
+
+
+def test_the_rest_is_that_of_the_last_seconds_and_no_fewer():
+    """Of four seconds two lie at 0 and two at 1: of three, most would lie at 1."""
+    recent = RecentRest(4.0, 1.0)
+    for value in (5.0, 0.0, 0.0, 1.0, 1.0):
+        found = recent.add(np.array([[value]]))
+    assert found is not None
+    assert found[0].tolist() == [0.5]
+
+
+def test_a_sensor_of_less_than_a_row_a_second_is_looked_at_row_by_row():
+    assert list(RecentRest(20.0, 0.3).slices(2)) == [slice(0, 1), slice(1, 2)]
+
+
+def test_of_two_rows_at_once_the_gate_takes_the_one_above_it():
+    config = WindowConfig(steps=1, stride=1, gate=1.0, grid_hz=None)
+    sensor = SensorInfo(name="t", channels=("a",), units=("V",), rate_hz=100.0)
+    found = Windower(config, sensor).push(
+        Samples.from_values(np.array([[0.5], [2.0]]), np.array([0.0, 0.01]))
+    )
+    assert found.values.ravel().tolist() == [2.0]
