@@ -105,11 +105,14 @@ def nested_table(nested: Nested) -> RenderableType:
         how = "nested: chosen on the training part alone"
     if nested.fixed:
         how = "chosen before, then trained on each training part; not nested if the choice saw it"
-    table = result_table(
+    heading = Text(  # not the table's title, which would break at the table's width
         f"split: {visible(nested.split)} · {how} · "
         f"{number_of(len(nested.predictions), 'test window')}, "
         f"{number_of(by_trial.trials, 'trial')}",
-        ("model", "accuracy", "by trial", "loss", "loss by trial", "calibration error"),
+        style="bold",
+    )
+    table = result_table(
+        None, ("model", "accuracy", "by trial", "loss", "loss by trial", "calibration error")
     )
     first = "as chosen before" if nested.fixed else "chosen by default"
     for name, (own, trials) in {first: (scores, by_trial), **nested.bars}.items():
@@ -134,7 +137,7 @@ def nested_table(nested: Nested) -> RenderableType:
         lines.append(Text(f"warning: {visible_line(nested.warning)}", style="yellow"))
     if note := unnamed_line(nested.predictions):
         lines.append(Text(note, style="yellow" if note.startswith("warning") else ""))
-    return Group(table, *lines)
+    return Group(heading, table, *lines)
 
 
 def _all_right(nested: Nested) -> str:
