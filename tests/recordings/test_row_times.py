@@ -1,5 +1,7 @@
 """Claims about times that repeat, or that were garbled: no trial is lost, or cut, by a stamp."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -108,9 +110,14 @@ def test_in_a_text_of_many_trials_rows_are_left_out_of_their_own(tmp_path, trial
     (tmp_path / "table.csv").write_text(
         f"file,trials,channels,time\nall.csv,{trials},a[N],ms[ms]\n"
     )
-    with pytest.raises(BadTable, match=r"trial 1, line 5: 1 of 6 rows has .*--repeated"):
-        import_table(tmp_path / "table.csv", tmp_path / "out")
-    first, second = import_table(tmp_path / "table.csv", tmp_path / "out", options=DROP)
+    drop_of_the_first_trial_alone(tmp_path, r"trial 1, line 5: 1 of 6 rows has .*--repeated")
+
+
+def drop_of_the_first_trial_alone(folder: Path, refusal: str) -> None:
+    """Import two trials of six rows, of which the first one repeats a time."""
+    with pytest.raises(BadTable, match=refusal):
+        import_table(folder / "table.csv", folder / "out")
+    first, second = import_table(folder / "table.csv", folder / "out", options=DROP)
 
     assert read_recording(first).samples.values[:, 0].tolist() == [0, 1, 2, 4, 5]
     assert len(read_recording(second).samples) == 6
@@ -122,12 +129,7 @@ def test_in_a_stack_rows_are_left_out_of_their_trial(tmp_path):
     (tmp_path / "table.csv").write_text(
         "file,trials,axes,channels,time\na.npz,X,trials rows channels,1[N],from:t[ms]\n"
     )
-    with pytest.raises(BadTable, match=r"--repeated-times drop"):
-        import_table(tmp_path / "table.csv", tmp_path / "out")
-    first, second = import_table(tmp_path / "table.csv", tmp_path / "out", options=DROP)
-
-    assert read_recording(first).samples.values[:, 0].tolist() == [0, 1, 2, 4, 5]
-    assert len(read_recording(second).samples) == 6
+    drop_of_the_first_trial_alone(tmp_path, "--repeated-times drop")
 
 
 def test_in_a_layout_of_ones_own_rows_are_left_out_too(tmp_path):

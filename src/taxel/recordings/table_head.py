@@ -17,8 +17,10 @@ MOST_ABOVE = 200
 """Lines of a head. LabVIEW and force plates write some 20 to 60. Source: our choice."""
 _HINT = re.compile(r'"?sep=."?')
 """Excel's own first line, which says what separates."""
-_NO_UNITS = frozenset(("n/a", "#n/a", "na", "nan", "null", "none", "missing", "#value!", "ol",
-                       "ovld", "overload"))  # fmt: skip
+NO_VALUE = frozenset(("na", "n/a", "#n/a", "<na>", "null", "none", "ol", "ovld", "overload"))
+"""Cells without a value, in small letters, beside NaN: what R, Excel and SQL write, and what
+pandas.read_csv takes for it; and what meters write for a value beyond their range."""
+_NO_UNITS = NO_VALUE | {"nan", "missing", "#value!"}
 """Words that stand for a missing value, so that their line is one of values. Our choice."""
 _LONGEST_UNIT = 16
 """Characters, brackets included. Source: our choice."""

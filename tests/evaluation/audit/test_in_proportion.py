@@ -10,7 +10,7 @@ import pytest
 
 from taxel.evaluation.audit.audit import audit, make_case
 from taxel.evaluation.audit.copies import exact_copies
-from taxel.evaluation.audit.copy_findings import shared_copies
+from taxel.evaluation.audit.copy_findings import Alike, shared_copies
 from taxel.evaluation.audit.evidence import sign_p
 from taxel.evaluation.audit.finding import Audit, Finding
 from taxel.evaluation.audit.label_channels import label_channels
@@ -79,8 +79,8 @@ def alike(touch: TouchSet, pairs: list[Pair], sure: list[Pair] | None = None) ->
     """Return what is found of trials that are alike, under a split by sessions."""
     sides = named_sides(touch, "group:session", usual_steps(touch), 5, 0)
     case = make_case(touch, sides, usual_steps(touch), 0)
-    return shared_copies(case, "near-duplicates", dict.fromkeys(pairs, 0.999), "are alike",
-                         sure=sure or [])  # fmt: skip
+    return shared_copies(case, "near-duplicates", dict.fromkeys(pairs, 0.999), "are copies",
+                         alike=Alike(sure or [], "are alike"))  # fmt: skip
 
 
 def across(touch: TouchSet, count: int, *, same: bool) -> list[Pair]:
@@ -141,9 +141,12 @@ def test_what_concerns_hardly_any_tested_trial_is_a_note_unless_it_is_a_copy(
     repeat, copy = alike(touch, pairs), alike(touch, pairs, sure=pairs)
 
     assert (repeat.verdict, copy.verdict) == ("note", "leak")
+    assert "training trial: trials are alike" in repeat.message
     assert repeat.message.endswith("gains next to nothing.")
     assert copy.at_most == pytest.approx(2 / 600)
-    assert "2 of 600 tested trials" in copy.message
+    assert "2 of 600 tested trials share this with a training trial: trials are copies" in (
+        copy.message
+    )
     assert "can change the accuracy by 0.003 at most" in copy.message
     assert headline(copy) == (
         "1 leak under the split 's': it can change the accuracy by 0.003 at most; mend it, or "

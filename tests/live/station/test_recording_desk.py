@@ -103,6 +103,20 @@ def test_slip_and_marks_are_kept_beside_the_scans_while_a_recording_is_on(rig: R
     assert (slip.time_s, slip.who, slip.values["slip_mm"]) == (0.02, "monitor/0", 0.4)
 
 
+def test_a_group_given_for_the_recording_goes_before_that_of_a_mark(rig: Rig):
+    """Of the next recording, too, which may belong to another session, or to none."""
+    mark = Mark(start_s=0.0, end_s=0.03, labels={}, groups={"session": "live", "grasp": "1"})
+    for groups, left in (({"session": "mine"}, {"grasp": "1"}), ({}, dict(mark.groups))):
+        rig.begin(groups=groups, overwrite=True)
+        rig.scans()
+        rig.source.put(pack(mark))
+        rig.desk.follow(rig.pulse)
+        rig.obey("end")
+        found = read_recording(rig.path)
+        assert found.manifest.groups == groups
+        assert [own.groups for own in found.marks] == [left]
+
+
 def test_a_grasp_is_logged_beside_the_recording_and_not_without_one(rig: Rig):
     rig.obey("trial", trial=asdict(TRIAL))
     assert not log_of(rig.path).exists()

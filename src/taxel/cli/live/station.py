@@ -94,7 +94,8 @@ def live_station(options: StationOptions) -> dict[str, Any]:
         except TaxelError:
             if not stopped():
                 raise
-            say_aside("stopped before the station had started")  # its processes were, too
+            # The signal went to its processes, too: that they ended is no fault of theirs.
+            say_aside("stopped before the station had started")
             raise SystemExit(0) from None
         for url in station.wiring.unwatched:
             _note(options, f"nothing watches {url}: name one more bundle with --also")

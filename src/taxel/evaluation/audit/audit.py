@@ -11,7 +11,7 @@ from pathlib import Path
 
 from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.copies import exact_copies, near_copies, same_rows
-from taxel.evaluation.audit.copy_findings import COPIES_UNKNOWN, repeated, shared_copies
+from taxel.evaluation.audit.copy_findings import COPIES_UNKNOWN, Alike, repeated, shared_copies
 from taxel.evaluation.audit.cut_windows import beside_windows, cut_windows
 from taxel.evaluation.audit.evidence import trial_folds
 from taxel.evaluation.audit.finding import Audit, Finding, holm, sort_findings
@@ -152,13 +152,15 @@ def _copies(case: Case) -> list[Finding]:
     near, repeats, turned = near_copies(touch, {**cut, **(same or {})})
     unseen = left_out(touch.rows)
     if near or not repeats:
+        own = Alike(exact_copies(touch, near), "are alike but for scale, offset or noise")
         facts.append(shared_copies(case, "near-duplicates", near,
                                    "are copies but for scale, offset or noise",
-                                   unseen, sure=exact_copies(touch, near)))  # fmt: skip
+                                   unseen, alike=own))  # fmt: skip
     else:
         facts.append(repeated(touch, repeats))
+    own = Alike(exact_copies(touch, turned), "are alike turned round")
     facts.append(shared_copies(case, "augmented copies", turned, "are copies turned round",
-                               unseen, sure=exact_copies(touch, turned)))  # fmt: skip
+                               unseen, alike=own))  # fmt: skip
     return facts
 
 

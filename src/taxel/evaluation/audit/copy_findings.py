@@ -29,6 +29,15 @@ COPIES_UNKNOWN = Finding(
 
 
 @dataclass(frozen=True, slots=True)
+class Alike:
+    """Which of some pairs are copies beyond doubt, and what the others are called."""
+
+    sure: Collection[tuple[int, int]]
+    words: str
+    """What the others are, such as "are alike turned round"."""
+
+
+@dataclass(frozen=True, slots=True)
 class _CopiesOnSides:
     """Where a split puts the copies of the trials that it tests."""
 
@@ -53,7 +62,7 @@ def shared_copies(
     unseen: str = "",
     *,
     streams: bool = False,
-    sure: Collection[tuple[int, int]] | None = None,
+    alike: Alike | None = None,
 ) -> Finding:
     """Return the finding on copies: across sides, on one side only, or anywhere.
 
@@ -69,7 +78,7 @@ def shared_copies(
         what: What they are, such as "hold the same rows".
         unseen: A sentence on what was not compared; empty where all was.
         streams: They are windows of one stream that overlap, none of which is to be dropped.
-        sure: The pairs that are copies beyond doubt; None for all of them.
+        alike: Which of them are copies beyond doubt; None for all.
     """
     touch = case.touch
     thinned = max(touch.every.values(), default=1)
@@ -77,13 +86,16 @@ def shared_copies(
         unseen = f"One row of {thinned} is seen where files are large. {unseen}".rstrip()
     if not pairs:
         return _no_copies(kind, what, unseen)
-    odd = len(_odd(touch, pairs))
-    if odd:
-        what += f" ({odd} of {number_of(len(pairs), 'pair')} with two different labels)"
     copies_of = _copies_of(pairs)
     split = case if case.sides is not None else _split_by_trials(case)
     copies = _on_sides(split, copies_of)
     parted = copies.parted if case.sides is not None else set(pairs)
+    doubtful = alike is not None and parted.isdisjoint(alike.sure)
+    if alike is not None and doubtful:
+        what = alike.words
+    odd = len(_odd(touch, pairs))
+    if odd:
+        what += f" ({odd} of {number_of(len(pairs), 'pair')} with two different labels)"
     examples = _examples(touch, pairs, "of the rows in common" if streams else "alike", parted)
     if case.sides is not None and not copies.crossing:
         return _one_side_note(kind, f"{number_of(len(pairs), 'pair')} of trials {what}",
@@ -107,9 +119,7 @@ def shared_copies(
         mend=_mend(joins, streams, odd, len(pairs)), alone=alone, majority=usual,
         examples=examples, at_most=at_most,
     )  # fmt: skip
-    if sure is None or not parted.isdisjoint(sure):
-        return found
-    return _by_gain(found, _gains(split, copies, copies_of))
+    return _by_gain(found, _gains(split, copies, copies_of)) if doubtful else found
 
 
 def _gains(case: Case, copies: _CopiesOnSides, copies_of: Mapping[int, set[int]]) -> list[int]:
@@ -145,16 +155,15 @@ def _by_gain(found: Finding, gains: Sequence[int]) -> Finding:
     much = found.at_most is None or found.at_most >= LITTLE
     if much and sign_p(better, worse) < SURE:
         return found
-    message = found.message.replace(" are copies", " are alike")
     if much and better >= worse and sign_p(len(gains), 0) >= SURE:
         return replace(
             found, verdict="hazard",
-            message=f"{message} They are too few to show whether that gives the label away: "
+            message=f"{found.message} They are too few to show whether that gives the label away: "
                     "if they were copied it is a leak, if one touch was repeated it is none.",
         )  # fmt: skip
     return replace(
         found, verdict="note",
-        message=f"{message} Knowing their labels gains "
+        message=f"{found.message} Knowing their labels gains "
         + ("no more than chance." if much else "next to nothing."),
         mend=f"if they were copied, {found.mend}; if one touch was repeated, say so",
     )  # fmt: skip

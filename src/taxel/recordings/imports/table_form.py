@@ -19,7 +19,7 @@ from pathlib import Path
 
 from taxel.errors import BadTable
 from taxel.plain_text import visible
-from taxel.recordings.table_head import below_head, holds_units
+from taxel.recordings.table_head import NO_VALUE, below_head, holds_units
 from taxel.recordings.time_stamps import is_stamp
 
 _ENDINGS = (".csv", ".tsv", ".txt", ".dat")
@@ -30,9 +30,6 @@ BLANKS = " "
 REMARK = "#"
 _SEPARATORS = ",;\t"
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
-NO_VALUE = {"", "na", "n/a", "#n/a", "<na>", "null", "none", "ol", "ovld", "overload"}
-"""Cells without a value, in small letters, beside NaN: what R, Excel and SQL write, and what
-pandas.read_csv takes for it; and what meters write for a value beyond their range."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,7 +217,8 @@ def is_number(cell: str) -> bool:
 
 def is_missing(cell: str) -> bool:
     """Return whether a cell says that there is no value: it is empty, or one of `NO_VALUE`."""
-    return cell.strip().lower() in NO_VALUE
+    word = cell.strip().lower()
+    return not word or word in NO_VALUE
 
 
 def _is_value(cell: str) -> bool:
