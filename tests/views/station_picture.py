@@ -40,7 +40,8 @@ def take(picture: Path) -> None:
     assert station.stdout is not None
     try:
         url = next(found[0] for line in station.stdout if (found := re.search(r"http://\S+", line)))
-        scratch = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)  # Chromium may still write
+        # Chromium may still be writing its profile when the folder is removed.
+        scratch = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         with scratch as folder, Browser(Path(folder)) as browser:
             browser.open(url)
             time.sleep(SETTLE_S)
