@@ -19,6 +19,7 @@ import taxel.training.camera_trials.blend as blending
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.training.camera_trials.features import TrialRows
 from taxel.windows.trial_crops import PIXELS, STATISTICS, STILLS, Layout, numbers_of
+from taxel.windows.trial_network import FEATURES
 
 SIZE = (60, 80)
 Write = Callable[[Path, list[NDArray[np.uint8]]], str]
@@ -117,6 +118,13 @@ def write_trials(
     table = folder / "trials.csv"
     table.write_text("\n".join(lines) + "\n")
     return table
+
+
+def by_colour(images: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """An image network of three numbers, the mean colour; the rest is 0."""
+    found = np.zeros((len(images), FEATURES), np.float32)
+    found[:, :3] = images.mean(axis=(1, 2))
+    return found
 
 
 def few_small_members(monkeypatch: pytest.MonkeyPatch) -> None:

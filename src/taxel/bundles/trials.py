@@ -1,8 +1,10 @@
 """Bundles that recognise camera trials: crops, what is seen in them, and a model.
 
 One file, as for arrays: a first line `TAXEL BUNDLE 2 trials <sha256 of the rest>`, then a zip of
-`trials.json` (the contract), `model.onnx`, and `check_*.npy` with crops as rows and what they must
-give. Nothing in it is unpickled. Knows nothing about training frameworks.
+`trials.json` (the contract), `model.onnx`, `network.onnx` where crops are looked at through an
+image network, and `check_*.npy` with crops as rows and what they must give, and what the network
+must give for an image that is drawn here. Nothing in it is unpickled. Knows nothing about training
+frameworks.
 
 Background of our choices: docs/decisions/0041.
 """
@@ -20,7 +22,7 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import LARGEST_DIFFERENCE, RATE_RANGE
 from taxel.bundles.engine import Engine, largest_difference, open_engine
-from taxel.bundles.envelope import from_npy, pack, to_npy, unpack
+from taxel.bundles.envelope import damaged, from_npy, pack, to_npy, unpack
 from taxel.bundles.model_check import check_model
 from taxel.bundles.model_trial import Trial, try_models
 from taxel.bundles.signing import Trust
@@ -29,6 +31,7 @@ from taxel.foreign.json_text import Fields, parse_json
 from taxel.models.devices import CPU
 from taxel.plain_text import number_of
 from taxel.windows.trial_crops import FAMILIES, PLACES, Layout
+from taxel.windows.trial_network import FEATURES, SIDE_PX, Network
 
 FORMAT = 1
 IN_RUN = "recogniser.taxel"
@@ -36,6 +39,8 @@ IN_RUN = "recogniser.taxel"
 _MOST_CAMERAS, _MOST_FRAMES, _LARGEST_SIDE, _MOST_CLASSES = 16, 10_000, 8192, 10_000
 """Bounds of what a contract may say. Source: our choice."""
 _MEMBERS = ("trials.json", "model.onnx", "check_rows.npy", "check_told.npy")
+_NETWORK = ("network.onnx", "check_look.npy")
+"""What a bundle holds whose crops are looked at through an image network."""
 _CONTRACT = "trials.json"
 
 
@@ -74,6 +79,9 @@ class TrialContract:
     """Fingerprints of the training trials, as read and as imported, sorted; see
     `taxel.bundles.contract.fingerprint_of`. Empty where it is not known, as in older bundles.
     """
+    network: str = ""
+    """The image network that crops are looked at through, and where its weights come from; empty
+    without one."""
 
     @property
     def layout(self) -> Layout:
@@ -111,6 +119,8 @@ class TrialBundle:
 
     contract: TrialContract
     model: Engine
+    network: Network | None = None
+    """What the view of that name looks through; None where the bundle has no such view."""
 
     def predict(self, rows: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return crops' probabilities, shape (n, classes), and novelty, shape (n,).
@@ -127,6 +137,7 @@ def trial_bundle_bytes(
     model: bytes,
     check_rows: NDArray[np.float32],
     check_expected: NDArray[np.float32],
+    network: bytes | None = None,
 ) -> tuple[bytes, float]:
     """Return a bundle as it stands on disk, and the largest difference that was found.
 
@@ -135,6 +146,7 @@ def trial_bundle_bytes(
         model: ONNX: rows → probabilities and novelty.
         check_rows: Crops, shape (n, numbers).
         check_expected: What the trained models give for them, shape (n, classes + 1).
+        network: ONNX: images → features; None where no view looks through it.
 
     Raises:
         BadBundle: The exported model gives something else.
@@ -147,6 +159,9 @@ def trial_bundle_bytes(
         "check_rows.npy": to_npy(check_rows),
         "check_told.npy": to_npy(check_expected),
     }
+    if network is not None:
+        look = open_engine(network).run(frames=_check_image())
+        members |= dict(zip(_NETWORK, (network, to_npy(look)), strict=True))
     return pack(members), difference
 
 
@@ -157,12 +172,18 @@ def read_trial_bundle(path: Path, trust: Trust | None = None, device: str = CPU)
         BadBundle: It is missing, damaged, of another kind or format, gives something else, or
             none of the keys of `trust` signed it.
     """
-    members = unpack(path, _MEMBERS, trust)
+    members = unpack(path, _MEMBERS, trust, _NETWORK)
     contract = contract_from_json(members[_CONTRACT])
     rows, expected = (from_npy(members[f"check_{name}.npy"]) for name in ("rows", "told"))
     _check_shapes(contract, rows, expected)
-    check_model(members["model.onnx"])
-    try_models([Trial(members["model.onnx"], {"rows": rows})])
+    tried = [Trial(members["model.onnx"], {"rows": rows})]
+    if "network" in contract.views:
+        if lacking := [name for name in _NETWORK if name not in members]:
+            raise damaged(path, f"no {' and no '.join(lacking)}")
+        tried.append(Trial(members["network.onnx"], {"frames": _check_image()}))
+    for trial in tried:
+        check_model(trial.model)
+    try_models(tried)
     model = open_engine(members["model.onnx"], threads=1, device=device)
     found = model.run(rows=rows)
     if found.shape != expected.shape:
@@ -170,7 +191,31 @@ def read_trial_bundle(path: Path, trust: Trust | None = None, device: str = CPU)
                         f"an array of shape {found.shape}",
                         "write the bundle again")  # fmt: skip
     _refuse_differing(largest_difference(found, expected))
-    return TrialBundle(contract, model)
+    network = None
+    if "network" in contract.views:
+        looks = from_npy(members["check_look.npy"])
+        network = _open_network(path, members["network.onnx"], looks, device)
+    return TrialBundle(contract, model, network)
+
+
+def _open_network(path: Path, model: bytes, expected: NDArray[Any], device: str) -> Network:
+    """Return what crops are looked at through, after checking what it gives.
+
+    Raises:
+        BadBundle: It gives features of another shape, or others than when it was written.
+    """
+    engine = open_engine(model, threads=1, device=device)
+    found = engine.run(frames=_check_image())
+    if found.shape != (1, FEATURES) or expected.shape != found.shape:
+        raise damaged(path, f"an image network that gives features of shape {found.shape}")
+    _refuse_differing(largest_difference(found, expected))
+    return lambda images: engine.run(frames=images)
+
+
+def _check_image() -> NDArray[np.uint8]:
+    """Return the image on which an image network is checked, the same for all bundles."""
+    down, across = np.meshgrid(np.arange(SIDE_PX), np.arange(SIDE_PX), indexing="ij")
+    return np.stack([down, across, down ^ across], axis=-1).astype(np.uint8)[None]
 
 
 def read_trial_contract(path: Path, trust: Trust | None = None) -> TrialContract:
@@ -197,7 +242,7 @@ def contract_from_json(text: str | bytes) -> TrialContract:
     try:
         data = parse_json(text)
         if isinstance(data, dict):  # what older bundles lack
-            data = {"learned": []} | data
+            data = {"learned": [], "network": ""} | data
         return _contract(Fields(data, "the contract"))
     except ValueError as error:  # BadFile is a ValueError
         raise BadBundle(
@@ -240,6 +285,7 @@ def _contract(entries: Fields) -> TrialContract:
         measured=entries.numbers("measured"),
         software=entries.text("software"),
         learned=entries.texts("learned"),
+        network=entries.text("network"),
     )
 
 

@@ -186,7 +186,7 @@ def predict_crop(
         images: A camera each, the crop's images, red first.
     """
     contract = bundle.contract
-    scenes = [Scene(own, contract.rate_hz, contract.mm_per_px) for own in images]
+    scenes = [Scene(own, contract.rate_hz, contract.mm_per_px, bundle.network) for own in images]
     row = row_of(look_at(contract.views, scenes))
     rows = np.concatenate([row[name] for name in contract.views])[None]
     probabilities, novelty = bundle.predict(rows)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from taxel.gel.slip_signal import TREND_FEATURES, USUAL_MM_PER_PX, GelSlip
 from taxel.gel.touch_poses import TouchFollower
+from taxel.windows import trial_network as network
 from taxel.windows import trial_picture as picture
 from taxel.windows.touch_view import FEATURES as TOUCH_FEATURES
 from taxel.windows.touch_view import VERSION as TOUCH_VERSION
@@ -114,6 +115,8 @@ class Scene:
     rate_hz: float
     mm_per_px: float
     """Of a 320-pixel row."""
+    network: network.Network | None = None
+    """What the view of that name looks through."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -356,10 +359,13 @@ FAMILIES: Final[dict[str, Family]] = {
                     TOUCH_VERSION),
     "picture": Family(picture.COLUMNS, lambda scene: picture.look_at_picture(scene.images),
                       picture.sum_up_picture, picture.VERSION),
+    "network": Family(network.FEATURES,
+                      lambda scene: network.look_through_network(scene.images, scene.network),
+                      network.mean_look, network.VERSION),
 }  # fmt: skip
 """Name → what is looked at: grey differences and flow, the slip signal, how first, middle and last
 frame look, where object and gel went; touch, only where asked for, is the touch encoder; picture is
-a coarse grid of colour and its spread."""
+a coarse grid of colour and its spread; network, only where one is at hand, is an image network."""
 USUAL: Final = ("pixels", "slip", "stills", "picture")
 """The families that every recogniser learns from."""
 MOVEMENT: Final = ("pixels", "slip", "moves")

@@ -52,9 +52,9 @@ class Mirror:
 def mirrors(widths: Mapping[str, int], cameras: int) -> tuple[Mirror, ...]:
     """Return the three mirrors of crops: left for right, up for down, and both.
 
-    The slip signal is of distances and sizes of turns, which no mirror changes; features of the
-    touch encoder and the plain picture, of which no model learns mirror images, are left as they
-    are.
+    The slip signal is of distances and sizes of turns, which no mirror changes; features of
+    the touch encoder, the plain picture and the image network, of which no model learns mirror
+    images, are left as they are.
 
     Args:
         widths: View → numbers a crop, in the order in which they stand side by side.

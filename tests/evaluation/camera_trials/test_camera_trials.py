@@ -13,6 +13,7 @@ from trial_makers import (
     as_avi,
     as_folder,
     as_mp4,
+    by_colour,
     few_small_members,
     some_trials,
     trial_images,
@@ -174,8 +175,8 @@ def test_the_crop_fits_the_shortest_trial_and_equal_trials_have_one() -> None:
 
 def test_a_crop_gives_the_same_numbers_wherever_it_was_cut() -> None:
     images = trial_images(True, 20, 0, 100)
-    whole = row_of(look_at(tuple(FAMILIES), [Scene(images[4:14], 25.0, 0.065)]))
-    alone = row_of(look_at(tuple(FAMILIES), [Scene(list(images[4:14]), 25.0, 0.065)]))
+    whole = row_of(look_at(tuple(FAMILIES), [Scene(images[4:14], 25.0, 0.065, by_colour)]))
+    alone = row_of(look_at(tuple(FAMILIES), [Scene(list(images[4:14]), 25.0, 0.065, by_colour)]))
     for name in FAMILIES:
         assert np.array_equal(whole[name], alone[name])
         assert np.isfinite(whole[name]).all()

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from trial_makers import few_small_members
+from trial_makers import by_colour, few_small_members
 
 import taxel.training.camera_trials.blend as blending
 from taxel.actions.rule_table import RuleTable
@@ -82,11 +82,12 @@ def test_a_cell_that_names_an_image_is_a_trial_of_one_frame(tmp_path: Path, endi
 
 def test_one_image_has_no_movement_and_few_stand_still_at_their_end() -> None:
     first, other = picture(0, True), picture(1, False)
-    alone = look_at(tuple(FAMILIES), [Scene([first], 25.0, 0.065)])
+    alone = look_at(tuple(FAMILIES), [Scene([first], 25.0, 0.065, by_colour)])
     assert all(not alone[name].any() and len(alone[name]) == LEAST_CROP for name in MOVEMENT)
     np.testing.assert_array_equal(alone["stills"][0], alone["stills"][2])
-    few = look_at(tuple(FAMILIES), [Scene([first, other], 25.0, 0.065)])
-    held = look_at(tuple(FAMILIES), [Scene([first, *[other] * 7], 25.0, 0.065)])
+    pair, seven = [first, other], [first, *[other] * 7]
+    few = look_at(tuple(FAMILIES), [Scene(pair, 25.0, 0.065, by_colour)])
+    held = look_at(tuple(FAMILIES), [Scene(seven, 25.0, 0.065, by_colour)])
     for name in FAMILIES:
         np.testing.assert_array_equal(few[name], held[name])
 

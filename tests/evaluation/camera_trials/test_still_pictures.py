@@ -15,7 +15,7 @@ from taxel.evaluation.camera_trials.contenders import BAR, OURS
 from taxel.evaluation.camera_trials.crossval import judge_trials
 from taxel.evaluation.camera_trials.final import fit_final
 from taxel.evaluation.camera_trials.sides import split_trials
-from taxel.evaluation.camera_trials.trial_set import load_trial_set
+from taxel.evaluation.camera_trials.trial_set import Sight, load_trial_set
 from taxel.live.trial_watch import predict_trials
 from taxel.training.camera_trials.blend import MEMBERS, extra, fit_blend
 from taxel.training.camera_trials.novelty import Novelty, novelty_columns
@@ -77,7 +77,7 @@ def test_a_bundle_says_of_images_what_the_trained_blend_says(
 ) -> None:
     """With the picture; and without it, as bundles were before."""
     read = read_camera_trials(write_stills(tmp_path / "a", each=1))
-    trials = load_trial_set(read, "kind", tmp_path / "kept", views=views)
+    trials = load_trial_set(read, "kind", tmp_path / "kept", sight=Sight(views=views))
     split = split_trials(trials.groups, trials.y, "group:object", 2, 0)
     (tmp_path / "b.taxel").write_bytes(fit_final(trials, read, split, 0, {}).bundle)
     bundle = read_trial_bundle(tmp_path / "b.taxel")
@@ -92,11 +92,12 @@ def test_a_bundle_says_of_images_what_the_trained_blend_says(
     np.testing.assert_allclose(found, wanted, atol=1e-4)
 
 
-def test_members_are_of_three_kinds_and_the_picture_is_none_of_the_others() -> None:
+def test_members_are_of_four_kinds_and_picture_and_network_are_none_of_the_others() -> None:
     kinds = [member.kind for member in MEMBERS]
     assert kinds.count("movement") == 3
     assert kinds.count("picture") == 2
-    assert set(kinds) == {"movement", "look", "picture"}
+    assert kinds.count("network") == 1
+    assert set(kinds) == {"movement", "look", "picture", "network"}
 
 
 def test_extra_trees_find_two_columns_that_matter_among_a_thousand() -> None:

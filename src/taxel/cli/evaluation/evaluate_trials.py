@@ -45,7 +45,7 @@ class EvaluateTrials:
 
     RULES: ClassVar = (
         Only(
-            ("target", "split", "test", "fold-count", "crop", "touch", "cache", "seed"),
+            ("target", "split", "test", "fold-count", "crop", "touch", "network", "cache", "seed"),
             "trials without a bundle (it is scored as it is)",
             lambda verb: verb.data is None,
         ),

@@ -18,6 +18,7 @@ from taxel.plain_text import number_of
 if TYPE_CHECKING:
     from taxel.evaluation.camera_trials.sides import TrialSplit
     from taxel.evaluation.camera_trials.trial_set import TrialSet
+    from taxel.training.camera_trials.image_network import ImageNetwork
     from taxel.windows.camera_trials import CameraTrial
 
 
@@ -42,6 +43,9 @@ class TrialOptions:
     touch: bool = False
     """Use features of the touch encoder too; all of its extra work takes about 2 ms for each
     image."""
+    network: bool = True
+    """Look at eight images of each crop through an image network trained on ImageNet, too; about
+    10 ms an image on one core."""
     cache: Path | None = None
     """Folder for features; $TAXEL_CACHE or ~/.cache/taxel unless given."""
     seed: int = 0
@@ -53,7 +57,7 @@ class TrialOptions:
         Raises:
             BadInput: The options or trials do not allow it.
         """
-        from taxel.evaluation.camera_trials.trial_set import load_trial_set
+        from taxel.evaluation.camera_trials.trial_set import Sight, load_trial_set
         from taxel.training.frames.features import default_cache
         from taxel.windows.trial_crops import USUAL
 
@@ -65,11 +69,25 @@ class TrialOptions:
             self.target,
             self.cache or default_cache(),
             crop=self.crop,
-            views=(*USUAL, *(("touch",) if self.touch else ())),
+            sight=Sight(
+                views=(*USUAL, *(("touch",) if self.touch else ())), network=self._network()
+            ),
             further=True,
             on_trial=work.at,
         )
         return trials, self._split(trials), found
+
+    def _network(self) -> ImageNetwork | None:
+        from taxel.training.camera_trials.image_network import find_image_network
+
+        if not self.network:
+            return None
+        if (found := find_image_network()) is None:
+            say_aside(
+                "note: no trained image network is installed, so trials are judged without one: "
+                "pip install 'taxel[train]' brings it; --no-network leaves it out without a note"
+            )
+        return found
 
     def _check(self) -> None:
         if not 0 <= self.seed < 2**31:

@@ -22,7 +22,8 @@ from taxel.evaluation.camera_trials.sides import TrialSplit
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.plain_text import finite, json_text
 from taxel.recordings.whole import whole_folder, write_whole
-from taxel.training.camera_trials.blend import fit_blend
+from taxel.training.camera_trials.blend import TrialBlend, fit_blend
+from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.onnx_graph import blend_to_onnx
 from taxel.windows.camera_trials import CameraTrial
 from taxel.windows.trial_crops import FAMILIES, mm_per_px
@@ -74,7 +75,8 @@ def fit_final(
     learning = trials.learning(rows, split.group, trials.further).part(learned)
     blend = fit_blend(learning, trials.cameras, trials.widths, seed, on_step=on_step)
     on_step("training: checking the bundle, and naming its trials")
-    crop_rows = learning.rows
+    views, network = kept_views(trials, blend)
+    crop_rows = learning.rows[:, : sum(trials.widths[name] for name in views)]
     at = np.linspace(0, len(crop_rows) - 1, min(_CHECKED, len(crop_rows))).astype(int)
     both = np.concatenate(
         [blend.crops(crop_rows[at]), blend.novelty.measure(crop_rows[at])[:, None]], axis=1
@@ -86,8 +88,8 @@ def fit_final(
         classes=trials.classes,
         crop=trials.layout.crop,
         places=trials.layout.places,
-        views=tuple(trials.cut.rows),
-        versions=tuple(FAMILIES[name].key for name in trials.cut.rows),
+        views=views,
+        versions=tuple(FAMILIES[name].key for name in views),
         cameras=trials.cameras,
         width=first.width,
         height=first.height,
@@ -99,14 +101,30 @@ def fit_final(
         measured=measured,
         software=f"taxel {__version__}",
         learned=fingerprints([images[index] for index in learned.tolist()]),
+        network="" if network is None else network.words,
     )
     bundle, parity = trial_bundle_bytes(
-        contract, blend_to_onnx(blend, crop_rows.shape[1]), crop_rows[at], both.astype(np.float32)
+        contract,
+        blend_to_onnx(blend, crop_rows.shape[1]),
+        crop_rows[at],
+        both.astype(np.float32),
+        None if network is None else network.model,
     )
     weights = {m.name: float(w) for m, w in zip(blend.members, blend.weights, strict=True)}
     return FinalRecogniser(
         bundle=bundle, parity=parity, members=weights, inner=blend.inner, trials=len(learned)
     )
+
+
+def kept_views(trials: TrialSet, blend: TrialBlend) -> tuple[tuple[str, ...], ImageNetwork | None]:
+    """Return the views that a bundle needs: not the network's, the last, where no member sees it.
+
+    Then the bundle is 7 MB smaller, and live no image passes through the network.
+    """
+    views = tuple(trials.cut.rows)
+    if any("network" in member.views for member in blend.members):
+        return views, trials.network
+    return tuple(name for name in views if name != "network"), None
 
 
 def save_trial_run(

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.evaluation.camera_trials.crossval import CameraTrialScores, score_trials
-from taxel.evaluation.camera_trials.trial_set import load_trial_set
+from taxel.evaluation.camera_trials.trial_set import Sight, load_trial_set
 from taxel.evaluation.intervals import Interval
 from taxel.gel.slip_signal import TURN_MM
 from taxel.training.camera_trials.blend import mean_of_crops
@@ -98,7 +98,7 @@ def signal_auc(folder: Path, cache: Path, positive: str = "slip") -> SignalScore
         positive: The outcome that should rank high.
     """
     read = read_camera_trials(folder)
-    trials = load_trial_set(read, "outcome", cache, views=("moves", "stills"))
+    trials = load_trial_set(read, "outcome", cache, sight=Sight(views=("moves", "stills")))
     y = (trials.y == trials.classes.index(positive)).astype(np.intp)
     objects = np.array([own["object"] for own in trials.groups])
     rate_hz = np.array([trial.rate_hz for trial in read])[trials.cut.trial]

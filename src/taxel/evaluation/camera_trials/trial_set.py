@@ -18,6 +18,7 @@ from taxel.bundles.contract import RATE_RANGE
 from taxel.errors import BadDataset
 from taxel.labels.class_order import in_order, refuse_reserved
 from taxel.training.camera_trials.features import TrialRows, further_crops, trial_rows
+from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.learning import Crops, Learning
 from taxel.windows.camera_trials import CameraTrial
 from taxel.windows.trial_crops import USUAL, Layout
@@ -28,6 +29,21 @@ Rows = NDArray[np.float32]
 JUDGED: Final = "features of trials"
 LEARNED: Final = "features of further crops, only learned from"
 """The passes over the trials."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sight:
+    """What crops are looked at with."""
+
+    views: tuple[str, ...] = USUAL
+    """Names in `FAMILIES`, but for the image network's."""
+    network: ImageNetwork | None = None
+    """An image network to look through, too."""
+
+    @property
+    def all_views(self) -> tuple[str, ...]:
+        """The views, the network's last."""
+        return self.views if self.network is None else (*self.views, "network")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +63,8 @@ class TrialSet:
     cut: TrialRows
     further: Crops | None = None
     """Crops that are only learned from."""
+    network: ImageNetwork | None = None
+    """What the view of that name looked through; None where there is no such view."""
 
     @property
     def widths(self) -> dict[str, int]:
@@ -70,7 +88,7 @@ def load_trial_set(
     cache: Path,
     *,
     crop: int | None = None,
-    views: Sequence[str] = USUAL,
+    sight: Sight = Sight(),
     further: bool = False,
     on_trial: Callable[[str, int, int], None] = lambda name, done, of: None,
 ) -> TrialSet:
@@ -81,7 +99,7 @@ def load_trial_set(
         target: The label; the only one where there is one, unless given.
         cache: Folder for what is computed.
         crop: Frames in a crop; chosen by the shortest trial unless given.
-        views: Names in `FAMILIES`.
+        sight: What they are looked at with.
         further: Whether there are crops that are only learned from, too.
         on_trial: Called with the pass over the trials, trials done and in all.
 
@@ -119,12 +137,15 @@ def load_trial_set(
             f"{least.rate_hz:g} frames/s in {least.name} and {most.rate_hz:g} in {most.name}",
             "correct the table's column rate, or make a table of each rate",
         )  # fmt: skip
-    cut = trial_rows(trials, layout, views, cache, partial(on_trial, JUDGED))
+    views, network = sight.all_views, sight.network
+    cut = trial_rows(trials, layout, views, cache, partial(on_trial, JUDGED), network=network)
     count = count_between(layout, len(trials)) if further else 0
     between = None
     if count:
         on_between = partial(on_trial, LEARNED)
-        between = trial_rows(trials, layout, views, cache, on_between, between=count)
+        between = trial_rows(
+            trials, layout, views, cache, on_between, between=count, network=network
+        )
     return TrialSet(
         target=target,
         classes=classes,
@@ -136,6 +157,7 @@ def load_trial_set(
         layout=layout,
         cut=cut,
         further=further_crops(cut, between) if further else None,
+        network=sight.network,
     )
 
 

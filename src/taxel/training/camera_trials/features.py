@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.learning import Crops
 from taxel.training.frames.features import load_kept, save_kept
 from taxel.windows.camera_trials import CameraTrial
@@ -59,6 +60,7 @@ def trial_rows(
     on_trial: Callable[[int, int], None] = lambda done, of: None,
     *,
     between: int = 0,
+    network: ImageNetwork | None = None,
 ) -> TrialRows:
     """Return what all crops show, from the cache where it has it.
 
@@ -69,12 +71,13 @@ def trial_rows(
         cache: Folder to keep files in.
         on_trial: Called with trials done and in all.
         between: So many crops between the places instead, which are only learned from.
+        network: What the family of that name looks through.
 
     Raises:
         RecordingFailed: The disk refused.
         BadTable: A video cannot be read.
     """
-    cuts = _Cuts(layout, between)
+    cuts = _Cuts(layout, between, network)
     shown: dict[str, list[NDArray[np.float32]]] = {name: [] for name in families}
     for done, trial in enumerate(trials, start=1):
         for name, values in _shown(trial, cuts, families, cache).items():
@@ -122,10 +125,13 @@ def _alone(cut: TrialRows) -> Crops:
 
 @dataclass(frozen=True, slots=True)
 class _Cuts:
-    """Where crops start: those a trial is judged by (`between` 0), or crops between them."""
+    """Where crops start: those a trial is judged by (`between` 0), or crops between them; and what
+    looks at them.
+    """
 
     layout: Layout
     between: int
+    network: ImageNetwork | None = None
 
     def starts(self, frames: int) -> list[int]:
         if self.between:
@@ -159,7 +165,10 @@ def _shown(
 
 def _file(trial: CameraTrial, cuts: _Cuts, name: str, cache: Path) -> Path:
     camera = f"{trial.rate_hz:.4g}-{mm_per_px(trial.width, trial.mm_per_px):.4g}"
-    folder = f"{FAMILIES[name].key}-{cuts.key}-{camera}"
+    family = FAMILIES[name].key
+    if name == "network" and cuts.network is not None:
+        family = f"{family}-{cuts.network.key}"
+    folder = f"{family}-{cuts.key}-{camera}"
     return cache / "trials" / folder / f"{trial.digest[:32]}.npy"
 
 
@@ -181,7 +190,7 @@ def _compute(
     each = [
         look_at(
             families,
-            [Scene([own[start + at] for at in range(crop)], trial.rate_hz, scale)
+            [Scene([own[start + at] for at in range(crop)], trial.rate_hz, scale, cuts.network)
              for own in images],
         )
         for start in starts

@@ -25,8 +25,8 @@ REJECTED: Final = 0.05
 DIRECTIONS: Final = 12
 NEAREST: Final = 5
 """Source of both: our choice, docs/decisions/0041."""
-UNSEEN: Final = ("picture",)
-"""Views that are not looked at: a picture's many columns would outweigh all others. Source: our
+UNSEEN: Final = ("picture", "network")
+"""Views that are not looked at: their many columns would outweigh all others. Source: our
 choice, docs/decisions/0041."""
 
 

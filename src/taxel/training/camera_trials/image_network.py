@@ -1,0 +1,62 @@
+"""The image network that camera trials are looked at through, where its weights are at hand.
+
+It is written as ONNX once a run, and what looks offline is that very model, which a bundle holds
+too. Imports what needs PyTorch only when it is used. Knows nothing about trials or models behind
+it.
+
+Background of our choices: docs/decisions/0041.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.bundles.engine import Engine, open_engine
+
+if TYPE_CHECKING:
+    from taxel.models.weights import Weights
+
+
+@dataclass(frozen=True)
+class ImageNetwork:
+    """Images, shape (n, 224, 224, 3), red first → features, shape (n, 3120)."""
+
+    weights: Weights
+
+    @property
+    def key(self) -> str:
+        """Name for the cache."""
+        return f"{self.weights.backbone}-{self.weights.digest[:12]}"
+
+    @property
+    def words(self) -> str:
+        """What it is and where its weights come from, for people."""
+        return f"{self.weights.backbone}, {self.weights.words}"
+
+    @cached_property
+    def model(self) -> bytes:
+        """The ONNX file."""
+        from taxel.models.stage_looks import export_stage_looks
+
+        return export_stage_looks(self.weights)
+
+    def __call__(self, images: NDArray[np.uint8]) -> NDArray[np.float32]:
+        return self._engine.run(frames=images)
+
+    @cached_property
+    def _engine(self) -> Engine:
+        return open_engine(self.model, threads=1)
+
+
+def find_image_network() -> ImageNetwork | None:
+    """Return the network with its trained weights; None where none are on this machine."""
+    from taxel.models.stage_looks import NETWORK
+    from taxel.models.weights import find_weights
+
+    weights = find_weights(NETWORK)
+    return None if weights.path is None else ImageNetwork(weights)
