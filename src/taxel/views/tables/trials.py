@@ -170,12 +170,14 @@ def _head(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
             f"{trials.lengths.min()} to {trials.lengths.max()} frames, of each the first, the "
             f"middle and the last {layout.crop}"
         )
+    through = trials.network and f" taxel also sees them through {trials.network.words}."
     return (
         f"{number_of(len(trials.y), 'trial')} of {trials.cameras} "
         f"camera{'s' if trials.cameras > 1 else ''}, "
         f"{visible(trials.target)}: {counts}{more}; {frames}. "
         f"{split.name}: {len(split.folds)} fold{'s' if len(split.folds) > 1 else ''}, "
         f"{number_of(ours.whole.trials, 'trial')} tested. Nothing is chosen on a test trial."
+        f"{through or ''}"
     )
 
 
@@ -249,6 +251,7 @@ def trial_json(
         "crops_a_trial": trials.layout.places,
         "split": split.name,
         "folds": len(split.folds),
+        "network": trials.network and trials.network.words,
         "warning": shared_values(split, trials.groups, trials.y),
         "note": "; ".join(trial_notes(trials)) or None,
         "control_warnings": control_warnings(results),
