@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import tyro
@@ -14,6 +15,7 @@ from taxel.bundles.envelope import pack
 from taxel.cli.main import main
 from taxel.cli.recordings.info import Info, _span
 from taxel.cli.recordings.simulate.teng import Teng
+from taxel.errors import BadRecording
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo
@@ -185,3 +187,37 @@ def test_a_folder_counts_the_trials_of_each_label_where_recordings_hold_marks(
         (tmp_path / f"{name}.mcap").unlink()
     Info(tmp_path).run()
     assert "label object: mug=1 (recordings)" in capsys.readouterr().out.splitlines()
+
+
+def test_a_table_of_camera_trials_is_described_in_place(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """Trials, cameras, labels and groups, and the verb that comes next; many values by number."""
+    lines = ["camera:gel,label:kind,group:object,group:take"]
+    for number in range(26):
+        image = np.full((8, 12, 3), 9 * number, np.uint8)
+        cv2.imwrite(str(tmp_path / f"i{number}.png"), image)
+        lines.append(
+            f"i{number}.png,{'soft' if number % 2 else 'hard'},o{number // 2},{number % 2}"
+        )
+    table = tmp_path / "trials.csv"
+    table.write_text("\n".join(lines) + "\n")
+    Info(table).run()
+    assert capsys.readouterr().out.splitlines() == [
+        f"{table}: 26 camera trials of 1 camera (gel), 12×8, 1 frame",
+        "label kind: hard (13), soft (13)",
+        "group object: 13 values of 2 trials each",
+        "group take: 0 (13), 1 (13)",
+        f"next: taxel evaluate-trials {table} --target kind",
+    ]
+    Info(table, json=True).run()
+    data = json.loads(capsys.readouterr().out)
+    assert data["labels"] == {"kind": {"hard": 13, "soft": 13}}
+    assert (data["trials"], data["frames"], data["sizes"]) == (26, [1, 1], ["12×8"])
+
+
+def test_a_table_of_arrays_is_still_sent_to_import(tmp_path: Path):
+    table = tmp_path / "table.csv"
+    table.write_text("file,label:kind,time\na.csv,x,rate:100Hz\n")
+    with pytest.raises(BadRecording, match="import tables with: taxel import"):
+        Info(table).run()

@@ -1,4 +1,4 @@
-"""`taxel info`: what a recording, a folder of recordings or a bundle holds."""
+"""`taxel info`: what a recording, a folder of them, a table of camera trials or a bundle holds."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from rich.table import Table
 from taxel.bundles.envelope import BundleKind, kind_of, unpack
 from taxel.bundles.shipped import find_bundle
 from taxel.cli.printing import console, print_json, progress, say
+from taxel.cli.recordings.info_table import describe_table, is_trial_table
 from taxel.labels.class_order import in_order
 from taxel.plain_text import number_of, visible, visible_names
 from taxel.recordings.reader import list_recordings
@@ -26,11 +27,13 @@ _NAMES = 6
 
 @dataclass(frozen=True)
 class Info:
-    """Print what a recording, a folder of recordings or a bundle holds; verify all check sums."""
+    """Print what a recording, a folder of recordings, a table of camera trials or a bundle holds;
+    verify all check sums.
+    """
 
     path: tyro.conf.Positional[Path]
-    """A recording (.mcap), a folder of them, or a bundle (.taxel), such as the cup-pour that comes
-    with taxel."""
+    """A recording (.mcap), a folder of them, a table of camera trials (.csv), or a bundle (.taxel),
+    such as the cup-pour that comes with taxel."""
     json: bool = False
     """Print everything as JSON: one object for a file, a list for a folder."""
 
@@ -43,6 +46,14 @@ class Info:
             return
         if bundle.suffix == ".taxel" and bundle.is_file():
             unpack(bundle, ())  # says what is wrong with it
+        if is_trial_table(self.path):
+            lines, data = describe_table(self.path)
+            if self.json:
+                print_json(data, indent=None)
+            else:
+                for line in lines:
+                    say(line)
+            return
         paths = list_recordings(self.path)
         with progress() as bar:
             rows = [summarise(path) for path in bar.track(paths, description="reading")]
