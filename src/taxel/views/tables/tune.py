@@ -17,8 +17,8 @@ def tune_table(found: Tuned) -> Table:
     if found.outer is not None:
         title += f" · split: {visible_line(found.outer.tuned.split)}"
     table = Table(title=title, title_justify="left")
-    for column in ("", "accuracy", "95 % CI", "by"):
-        table.add_column(column, justify="left" if column in ("", "by") else "right")
+    for column in ("", "accuracy", "95 % CI", "CI over"):
+        table.add_column(column, justify="left" if column in ("", "CI over") else "right")
     outer, own = found.outer, found.found
     if outer is not None:
         table.add_row("outer folds, settings found without them", *_cells(outer.tuned))
