@@ -11,6 +11,7 @@ from taxel.cli.options.trials import TrialOptions
 from taxel.errors import BadDataset, BadSplit, BadTable
 from taxel.evaluation.camera_trials.sides import (
     left_out,
+    order_of,
     shared_values,
     split_by_table,
     split_trials,
@@ -159,3 +160,20 @@ def test_trials_of_unlike_rates_are_refused_and_twins_are_named(
     assert "warning: the same images in 0002-" in message
     assert "and 0005-" in message
     assert "and in 1 more such set: where a split parts them" in message
+
+
+def test_later_trials_are_known_by_numbers_whoever_names_the_test_side() -> None:
+    """A split by order, or a column: the tested numbers are the larger ones in each class."""
+    y = np.arange(24) % 3
+    takes = np.arange(24) // 3
+    groups = [{"take": str(take), "object": f"o{take % 2}",
+               "split": "test" if take > 5 else "train"} for take in takes]  # fmt: skip
+    for text in ("order:take:5", "split", "order:take:70%"):
+        split = split_trials(groups, y, text, 5, 0)
+        found = order_of(split, groups, y)
+        assert found is not None
+        assert found.tolist() == takes.tolist()
+    by_object = split_trials(groups, y, "group:object", 2, 0)
+    assert order_of(by_object, groups, y) is None
+    shuffled = [own | {"take": str((7 * at) % 24)} for at, own in enumerate(groups)]
+    assert order_of(split_trials(shuffled, y, "split", 5, 0), shuffled, y) is None

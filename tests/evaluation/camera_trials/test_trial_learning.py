@@ -22,10 +22,16 @@ from taxel.evaluation.camera_trials.contenders import OURS
 from taxel.evaluation.camera_trials.crossval import judge_trials
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
-from taxel.training.camera_trials.blend import MEMBERS, classes_are_groups, fit_blend
+from taxel.training.camera_trials.blend import MEMBERS, fit_blend
+from taxel.training.camera_trials.inner_folds import (
+    classes_are_groups,
+    held_out_parts,
+    later_folds,
+)
 from taxel.training.camera_trials.learning import Crops, Learning
 from taxel.training.camera_trials.novelty import Novelty, novelty_threshold
 from taxel.training.camera_trials.onnx_graph import blend_to_onnx
+from taxel.training.camera_trials.rank_sums import Steady
 from taxel.training.camera_trials.weights import weigh
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_crops import (
@@ -206,3 +212,51 @@ def test_one_session_does_not_make_a_blend_surer_of_the_sessions_to_come() -> No
 
     assert sharpness(np.full(24, "day")) == 1.0
     assert sharpness(np.array(["ball", "cup"])[y]) > 1.0
+
+
+def test_where_later_trials_are_tested_inner_folds_learn_from_what_came_before() -> None:
+    """Five blocks of each class, the last three tested; trials of one number stay together."""
+    y = np.tile(np.arange(2), 20)
+    order = np.repeat(np.arange(20), 2) // 2.0  # two of a class share each number
+    parts = later_folds(y, order)
+    assert len(parts) == 3
+    for train, test in parts:
+        assert order[train].max() < order[test].min()
+    assert sorted(np.concatenate([test for _, test in parts]).tolist()) == list(range(16, 40))
+    assert later_folds(np.array([0, 0, 1, 1]), np.arange(4.0)) == []
+
+
+def test_a_class_that_began_later_is_not_judged_before_it_was_learned() -> None:
+    y = np.array([0, 1] * 10 + [2])
+    parts = later_folds(y, np.arange(21.0))
+    assert parts
+    assert all(2 not in y[test] for _, test in parts)
+
+
+def test_a_member_that_drifts_loses_its_weight_where_later_trials_are_tested() -> None:
+    """By groups it seems the better one; by what comes later it is the worse."""
+    rng = np.random.default_rng(0)
+    count = 100
+    y = np.arange(count) % 2
+    time = np.arange(count) // 2
+    # In the first column the classes change places with each ten trials; the second is weak.
+    drifting = np.where((time // 10) % 2 == 0, 1.0, -1.0) * (2.0 * y - 1.0)
+    steady = 0.8 * (2.0 * y - 1.0) + rng.normal(size=count)
+    where = np.eye(5)[time // 10] * 3.0 * drifting[:, None]  # which block it is shows as well
+    rows = np.column_stack([where, steady]).astype(np.float32)
+    groups = np.array([f"g{at % 10}" for at in range(count)])
+    learning = Learning(rows, np.arange(count), y, groups, 2)
+    by_group, _ = held_out_parts(learning, 0)
+    by_time, as_to_come = held_out_parts(replace(learning, order=time.astype(float)), 0)
+    assert as_to_come
+    errors = {}
+    for name, parts in (("group", by_group), ("time", by_time)):
+        for columns in ((0, 1, 2, 3, 4), (5,)):
+            wrong = [
+                (Steady(0.5).fit(rows[train][:, columns], y[train]).predict_proba(
+                    rows[test][:, columns]).argmax(axis=1) != y[test]).mean()
+                for train, test in parts
+            ]  # fmt: skip
+            errors[name, len(columns)] = float(np.mean(wrong))
+    assert errors["group", 5] < errors["group", 1]
+    assert errors["time", 5] > errors["time", 1]

@@ -23,7 +23,7 @@ from taxel.evaluation.camera_trials.contenders import (
     Probabilities,
     nothing_moves,
 )
-from taxel.evaluation.camera_trials.sides import TrialSplit
+from taxel.evaluation.camera_trials.sides import TrialSplit, order_of
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.evaluation.intervals import draw_rows, percentile_interval
 from taxel.evaluation.rank_area import area
@@ -103,7 +103,10 @@ def _judge(
     contender: Contender,
     on_step: Callable[[str], None],
 ) -> TrialResult:
-    learning = trials.learning(contender.rows(trials), split.group, contender.further(trials))
+    order = order_of(split, trials.groups, trials.y)
+    learning = trials.learning(
+        contender.rows(trials), split.group, contender.further(trials), order
+    )
     crops = np.full((len(trials.cut.trial), learning.classes), np.nan)
     probabilities = np.full((len(trials.y), learning.classes), np.nan)
     for fold in split.folds:

@@ -18,7 +18,7 @@ import numpy as np
 from taxel import __version__
 from taxel.bundles.trials import IN_RUN, TrialContract, trial_bundle_bytes
 from taxel.evaluation.camera_trials.learned_trials import fingerprints
-from taxel.evaluation.camera_trials.sides import TrialSplit
+from taxel.evaluation.camera_trials.sides import TrialSplit, order_of
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.plain_text import finite, json_text
 from taxel.recordings.whole import whole_folder, write_whole
@@ -72,7 +72,8 @@ def fit_final(
     if len(split.folds) == 1:
         learned = split.folds[0].train_rows
     rows = trials.rows
-    learning = trials.learning(rows, split.group, trials.further).part(learned)
+    order = order_of(split, trials.groups, trials.y)
+    learning = trials.learning(rows, split.group, trials.further, order).part(learned)
     blend = fit_blend(learning, trials.cameras, trials.widths, seed, on_step=on_step)
     on_step("training: checking the bundle, and naming its trials")
     views, network = kept_views(trials, blend)

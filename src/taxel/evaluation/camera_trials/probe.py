@@ -19,7 +19,8 @@ from sklearn.linear_model import LogisticRegression
 
 from taxel.evaluation.camera_trials.sides import TrialSplit
 from taxel.evaluation.paired import sign_flip
-from taxel.training.camera_trials.blend import inner_folds, mean_of_crops, proba_of
+from taxel.training.camera_trials.blend import mean_of_crops, proba_of
+from taxel.training.camera_trials.inner_folds import inner_folds
 from taxel.training.camera_trials.learning import Learning
 from taxel.training.camera_trials.ranked import Ranked
 from taxel.training.camera_trials.weights import log_loss

@@ -21,10 +21,11 @@ from taxel.evaluation.first_share import first_share, group_numbers
 from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_table, refuse_twice
 from taxel.evaluation.shared_values import on_both_sides
 from taxel.evaluation.splits import TrialFold
-from taxel.labels.trials import USUAL_GROUPS
+from taxel.labels.trials import USUAL_GROUPS, Trial, as_numbers
 from taxel.plain_text import number_of
 from taxel.recordings.imports.video_rows import SPLIT, TEST
-from taxel.training.camera_trials.blend import inner_folds
+from taxel.training.camera_trials.inner_folds import inner_folds
+from taxel.training.choose.inner_folds import what_is_held
 
 _USUAL: Final = ("object", "session")
 """Groups that are held out unless something else is named. Source: our choice."""
@@ -227,6 +228,30 @@ def values_of(groups: Groups, key: str) -> NDArray[np.str_]:
             f"groups {', '.join(_shared(groups)) or 'none'}", "name one of those, or add a column",
         )  # fmt: skip
     return np.array([own[key] for own in groups])
+
+
+def order_of(split: TrialSplit, groups: Groups, y: NDArray[np.intp]) -> NDArray[np.float64] | None:
+    """Return numbers that grow from earlier to later trials, shape (trials,), if later are tested.
+
+    Those of a group whose numbers are larger on the only test side, in each class, than all that
+    are learned from. None where there is no such group, or a coarser one is new on the test side.
+
+    Args:
+        split: How the trials are parted.
+        groups: Of each trial.
+        y: Shape (trials,): class.
+    """
+    if len(split.folds) != 1:
+        return None
+    (fold,) = split.folds
+    trials = [
+        Trial(recording="", start_s=0.0, end_s=0.0, labels={}, groups={**own, "trial": str(at)})
+        for at, own in enumerate(groups)
+    ]
+    held = what_is_held(trials, y, fold.train_rows.tolist(), fold.test_rows.tolist())
+    if held.key is None or not held.ordered:
+        return None
+    return as_numbers(own.get(held.key, "nan") for own in groups)
 
 
 def interval_group(groups: Groups) -> str | None:

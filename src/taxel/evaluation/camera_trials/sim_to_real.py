@@ -24,7 +24,8 @@ from taxel.evaluation.camera_trials.probe import PENALTIES, Rows
 from taxel.evaluation.camera_trials.sides import TrialSplit
 from taxel.evaluation.intervals import Interval, draw_rows, percentile_interval
 from taxel.evaluation.rank_area import area
-from taxel.training.camera_trials.blend import inner_folds, mean_of_crops, proba_of
+from taxel.training.camera_trials.blend import mean_of_crops, proba_of
+from taxel.training.camera_trials.inner_folds import inner_folds
 from taxel.training.camera_trials.learning import Learning
 from taxel.training.camera_trials.ranked import Ranked
 from taxel.training.camera_trials.weights import log_loss

@@ -76,10 +76,26 @@ class TrialSet:
         """Shape (n, columns): all views side by side."""
         return np.concatenate(list(self.cut.rows.values()), axis=1)
 
-    def learning(self, rows: Rows, group: str, further: Crops | None = None) -> Learning:
-        """Return all crops with these rows; trials that lack the group stand alone."""
+    def learning(
+        self,
+        rows: Rows,
+        group: str,
+        further: Crops | None = None,
+        order: NDArray[np.float64] | None = None,
+    ) -> Learning:
+        """Return all crops with these rows; trials that lack the group stand alone.
+
+        Args:
+            rows: Shape (n, columns): of the crops, in their order.
+            group: What is held out whole.
+            further: Crops that are only learned from.
+            order: Shape (trials,): numbers that grow from earlier to later trials, where later ones
+                are tested.
+        """
         values = [own.get(group, f"trial {i}") for i, own in enumerate(self.groups)]
-        return Learning(rows, self.cut.trial, self.y, np.array(values), len(self.classes), further)
+        return Learning(
+            rows, self.cut.trial, self.y, np.array(values), len(self.classes), further, order
+        )
 
 
 def load_trial_set(

@@ -17,8 +17,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
-from sklearn.model_selection import StratifiedGroupKFold
 
+from taxel.training.camera_trials.inner_folds import Parts, held_out_parts
 from taxel.training.camera_trials.learning import Crops, Learning, Rows
 from taxel.training.camera_trials.novelty import (
     Novelty,
@@ -42,10 +42,8 @@ MOST_NUMBERS: Final = 18_000_000
 """Of all forests that are kept, four a node and one a class: beyond it they have fewer trees, so
 that a bundle with an image network of 7 MB stays within some 20 MB. Source: 16 bytes a node of 22
 classes, packed; decision 41."""
-INNER_FOLDS: Final = 5
 LEAST_WEIGHT: Final = 0.04
 """A member below it is left out. Source: our choice."""
-_TRIES: Final = 50
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -196,19 +194,22 @@ def fit_blend(
     columns = [member.columns(cameras, widths) for member in members]
     images = mirrors(widths, cameras)
     novel = novelty_columns(widths)
-    held_out, novelty = _held_out(learning, members, columns, images, novel, seed, on_step)
+    parts, as_to_come = held_out_parts(learning, seed)
+    held_out = _held_out(learning, members, columns, images, seed, parts, on_step)
+    novelty = _novelty_held_out(learning, parts, novel)
     prior = np.array([member.prior for member in members])
     weights = prior / prior.sum() if prior.any() else np.full(len(members), 1 / len(members))
     sharpness, inner = 1.0, {}
-    if held_out is not None:
-        y = learning.y
+    if parts:
+        judged = np.isfinite(held_out[:, 0, 0])
+        held_out, y = held_out[judged], learning.y[judged]
         kinds = np.array([member.kind for member in members])
-        groups = len(set(learning.groups.tolist()))
+        groups = len(set(learning.groups[judged].tolist()))
         weights = weigh(held_out, y, trusted(held_out, y, groups, prior, kinds))
         weights[weights < min(LEAST_WEIGHT, weights.max())] = 0.0
         weights /= weights.sum()
         mixed = np.asarray(np.einsum("tmc,m->tc", held_out, weights), np.float64)
-        if inner_folds(y, learning.groups, seed) or classes_are_groups(y, learning.groups):
+        if as_to_come:
             sharpness = sharpen(mixed, y)
         inner = {member.name: log_loss(held_out[:, i], y) for i, member in enumerate(members)}
         inner["blend"] = log_loss(sharpened(mixed, sharpness), y)
@@ -262,63 +263,20 @@ def _thin_out(fitted: Sequence[Any], classes: int) -> None:
         model.estimators_ = model.estimators_[: model.n_estimators]
 
 
-def inner_folds(
-    y: NDArray[np.intp], groups: NDArray[np.str_], seed: int, folds: int = INNER_FOLDS
-) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Return train and test trials of folds over groups; none where they cannot be made.
-
-    Args:
-        y: Shape (trials,): class.
-        groups: Shape (trials,).
-        seed: Of the folds.
-        folds: How many, where there are so many groups.
-    """
-    folds = min(folds, len(set(groups.tolist())), int(np.bincount(y)[np.unique(y)].min()))
-    if folds < 2:
-        return []
-    for attempt in range(_TRIES):
-        splitter = StratifiedGroupKFold(folds, shuffle=True, random_state=seed + 1000 * attempt)
-        parts = [(np.asarray(a), np.asarray(b)) for a, b in splitter.split(y, y, groups)]
-        if all(len(b) and set(y[a].tolist()) == set(y.tolist()) for a, b in parts):
-            return parts
-    return []
-
-
-def classes_are_groups(y: NDArray[np.intp], groups: NDArray[np.str_]) -> bool:
-    """Return whether each class is one group, as where the object is named by which trials group.
-
-    Then whoever asks shows an object that was learned, and trials held out are as what is to come.
-    Where only some classes are one group, or one session holds all classes, other groups will come,
-    and trials held out flatter.
-
-    Args:
-        y: Shape (trials,): class.
-        groups: Shape (trials,).
-    """
-    pairs = set(zip(y.tolist(), groups.tolist(), strict=True))
-    return len(pairs) == len(set(y.tolist())) == len(set(groups.tolist()))
-
-
 def _held_out(
     learning: Learning,
     members: Sequence[TrialMember],
     columns: Sequence[NDArray[np.intp]],
     images: Sequence[Mirror],
-    novel: NDArray[np.intp],
     seed: int,
+    parts: Parts,
     on_step: Callable[[str], None],
-) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
-    """Return members' predictions for held-out trials, and the novelty of those trials.
+) -> NDArray[np.float64]:
+    """Return members' predictions for held-out trials, shape (trials, members, classes).
 
-    Where no folds over groups can be made (a class of one group only), trials are held out.
-
-    Returns:
-        Shapes (trials, members, classes), None where nothing could be held out, and (trials,).
+    NaN for trials that no fold tests.
     """
     probabilities = np.full((len(learning.y), len(members), learning.classes), np.nan)
-    novelty = np.full(len(learning.y), np.nan)
-    alone = np.arange(len(learning.y)).astype(str)
-    parts = inner_folds(learning.y, learning.groups, seed) or inner_folds(learning.y, alone, seed)
     for number, (train, test) in enumerate(parts, start=1):
         own, other = learning.part(train), learning.part(test)
         on_step(f"inner fold {number}")
@@ -326,8 +284,18 @@ def _held_out(
             model = _fit(member, own, columns[index], images, seed, INNER_TREES)
             crops = proba_of(model, other.rows[:, columns[index]], learning.classes)
             probabilities[test, index] = mean_of_crops(crops, other.trial)
-        novelty[test] = held_out_novelty(own.rows, other.rows, other.trial, novel)
-    return probabilities if parts else None, novelty
+    return probabilities
+
+
+def _novelty_held_out(
+    learning: Learning, parts: Parts, columns: NDArray[np.intp]
+) -> NDArray[np.float64]:
+    """Return the novelty of held-out trials, shape (trials,); NaN for those that no fold tests."""
+    novelty = np.full(len(learning.y), np.nan)
+    for train, test in parts:
+        own, other = learning.part(train), learning.part(test)
+        novelty[test] = held_out_novelty(own.rows, other.rows, other.trial, columns)
+    return novelty
 
 
 def proba_of(model: Any, rows: Rows, classes: int) -> NDArray[np.float64]:

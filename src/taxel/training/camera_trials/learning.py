@@ -38,6 +38,9 @@ class Learning:
     classes: int
     further: Crops | None = None
     """Of the same trials: between the places at which they are judged, and of a camera alone."""
+    order: NDArray[np.float64] | None = None
+    """Shape (trials,): numbers that grow from earlier to later trials, where later ones are tested;
+    None where groups are."""
 
     def part(self, trials: NDArray[np.intp]) -> Learning:
         """Return some trials, numbered anew."""
@@ -45,8 +48,9 @@ class Learning:
         number[trials] = np.arange(len(trials))
         own = _some(Crops(self.rows, self.trial), number)
         further = self.further and _some(self.further, number)
+        order = None if self.order is None else self.order[trials]
         return Learning(
-            own.rows, own.trial, self.y[trials], self.groups[trials], self.classes, further
+            own.rows, own.trial, self.y[trials], self.groups[trials], self.classes, further, order
         )
 
 

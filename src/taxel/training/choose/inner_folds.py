@@ -154,7 +154,7 @@ def inner_folds(
     if held.key is not None:
         if held.ordered:  # what lacks the number comes last
             numbers = as_numbers(group_value(trials[i], held.key) or "nan" for i in trained)
-            return _by_later(numbers, y[trained])
+            return later_blocks(numbers, y[trained])
         fold = _by_groups(_values([trials[i] for i in trained], held.key), y[trained])
         if fold is not None:
             return fold
@@ -226,9 +226,13 @@ def _by_groups(groups: NDArray[np.str_], y: NDArray[np.intp]) -> NDArray[np.intp
     return np.asarray(fold, np.intp)
 
 
-def _by_later(values: NDArray[np.float64], y: NDArray[np.intp]) -> NDArray[np.intp]:
+def later_blocks(values: NDArray[np.float64], y: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return folds of successive values of each class, whole ones unless these are so few that a
     class would not be judged.
+
+    Args:
+        values: Shape (n,): a group's numbers, or times.
+        y: Class numbers, shape (n,).
     """
     parted = _by_blocks(values, y)
     whole = parted.copy()
