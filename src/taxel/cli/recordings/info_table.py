@@ -65,7 +65,8 @@ def _values(path: Path, trials: Sequence[CameraTrial]) -> dict[str, Any]:
 _OWN = {"file", "recording"}
 """Groups that every trial has for itself."""
 _MOST_NAMED = 12
-"""Values of a label or group that are named. Source: our choice; a screen's line or two."""
+"""Values of a label or group that are named. Source: our choice, decision 41: a screen's line or
+two."""
 
 
 def _counts(values: Sequence[str]) -> dict[str, int]:
