@@ -89,6 +89,7 @@ VALUES = {
     "doctor output": "folder",
     "missing": "keep",
     "repeated-times": "drop",
+    "garbled-times": "drop",
     "bundle data": "s",
     "report data": "s",
     "wait-s": "3",

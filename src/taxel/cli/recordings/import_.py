@@ -82,6 +82,10 @@ class Import:
     """Arrays, with rows that repeat the time of the row above: refuse the file (the default), or
     drop such rows, so that the first row of a time is kept, and count them. A file in which more
     than 5 % of the rows repeat is refused all the same: its clock is too coarse; give a rate."""
+    garbled_times: Literal["refuse", "drop"] | None = None
+    """Arrays, with rows whose time lies far outside those of the rows above and below, as in a line
+    that lost bytes: refuse the file (the default), or drop such rows and count them. A file in
+    which more than 5 % of the rows are such is refused all the same; mend it, or give a rate."""
     allow_code: bool = False
     """Run layouts of the form module.py:function; they can do whatever you can."""
     allow_outside: bool = False
@@ -138,6 +142,7 @@ class Import:
             for name, given in (
                 ("--intervals", self.intervals), ("--missing", self.missing),
                 ("--repeated-times", self.repeated_times),
+                ("--garbled-times", self.garbled_times),
                 ("--allow-code", self.allow_code), ("--skip-unreadable", self.skip_unreadable),
             ):  # fmt: skip
                 if given:
@@ -156,6 +161,7 @@ class Import:
         intervals = intervals_of(rows, self.intervals)
         options = ImportOptions(
             missing=self.missing or "refuse", repeated_times=self.repeated_times or "refuse",
+            garbled_times=self.garbled_times or "refuse",
             allow_code=self.allow_code, skip_unreadable=self.skip_unreadable,
             overwrite=self.overwrite,
         )  # fmt: skip

@@ -38,7 +38,7 @@ from taxel.recordings.imports.notes import (
 )
 from taxel.recordings.imports.reading import Content, reader_of
 from taxel.recordings.imports.row_labels import remarks_on_rows
-from taxel.recordings.imports.row_times import Repeated
+from taxel.recordings.imports.row_times import BadTimes, OnBadTime
 from taxel.recordings.imports.rows import ImportRow, read_rows
 from taxel.recordings.imports.spelling import composed
 from taxel.recordings.imports.tables import Missing, Table
@@ -53,9 +53,11 @@ class ImportOptions:
 
     missing: Missing = "refuse"
     """Empty cells, NaN and infinity: refuse the file, or keep them flagged as not finite."""
-    repeated_times: Repeated = "refuse"
+    repeated_times: OnBadTime = "refuse"
     """Rows that repeat the time of the row above: refuse the file, or leave such rows out, if they
     are few."""
+    garbled_times: OnBadTime = "refuse"
+    """Rows whose time lies far outside those of both neighbours: likewise."""
     allow_code: bool = False
     """Run layouts of the form module.py:function."""
     allow_outside: bool = False
@@ -193,9 +195,8 @@ def _content(row: ImportRow, code_dir: Path, options: ImportOptions) -> Content 
     """
     if row.fault is not None:
         return row.fault
-    read = reader_of(
-        row, options.missing, options.repeated_times, code_dir, allow_code=options.allow_code
-    )
+    bad_times = BadTimes(repeated=options.repeated_times, garbled=options.garbled_times)
+    read = reader_of(row, options.missing, bad_times, code_dir, allow_code=options.allow_code)
     try:
         return read()
     except BadTable as error:
@@ -325,7 +326,8 @@ def _import_file(job: _Job, content: Content, path: Path) -> FileFacts:
         one_more=table.one_more,
         passed_over=table.passed_over,
         scans=len(samples),
-        repeated=len(table.repeated),
+        repeated=len(table.dropped.repeated),
+        garbled=len(table.dropped.garbled),
         rate_hz=info.rate_hz,
         time=row.time if row.layout == "csv" and not row.time.strip().startswith("rate:") else "",
         gaps=gaps,

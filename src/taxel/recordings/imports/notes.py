@@ -65,6 +65,8 @@ class FileFacts:
     """How many were imported."""
     repeated: int = 0
     """Rows that were left out, as they repeat the time of the row above."""
+    garbled: int = 0
+    """Rows that were left out, as their time is far outside those of both neighbours."""
     rate_hz: float = 0.0
     """Scans a second, hertz, by the median step; 0 for a single scan."""
     time: str = ""
@@ -156,7 +158,8 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
                 "more notes of this kind on other files"),
         *_paddings([facts for facts in files if facts.padding], len(files)),
         *_zeros([facts for facts in files if facts.zeros >= ZEROS], len(files)),
-        *_repeated([facts for facts in files if facts.repeated], files),
+        *_garbled(files),
+        *_repeated(files),
         *_number_headers([facts for facts in files if facts.number_header]),
         *_decimal_commas([facts for facts in files if facts.decimal_comma]),
         *_one_more([facts for facts in files if facts.one_more]),
@@ -210,18 +213,33 @@ def _zeros(files: Sequence[FileFacts], of: int) -> list[str]:
     ]
 
 
-def _repeated(concerned: Sequence[FileFacts], files: Sequence[FileFacts]) -> list[str]:
-    if not concerned:
+def _garbled(files: Sequence[FileFacts]) -> list[str]:
+    return _dropped(files, [facts.garbled for facts in files], "a garbled time")
+
+
+def _repeated(files: Sequence[FileFacts]) -> list[str]:
+    return _dropped(files, [facts.repeated for facts in files], "the time of the row above")
+
+
+def _dropped(files: Sequence[FileFacts], counts: Sequence[int], what: str) -> list[str]:
+    """Return a line on rows that were left out because of what they have, if there are any.
+
+    Args:
+        files: All files.
+        counts: Of such rows in each file.
+        what: They have.
+    """
+    count, concerned = sum(counts), sum(map(bool, counts))
+    if not count:
         return []
-    count = sum(facts.repeated for facts in concerned)
-    share = count / (count + sum(facts.scans for facts in files))
-    most = max(concerned, key=lambda facts: facts.repeated)
+    rows = sum(facts.scans + facts.repeated + facts.garbled for facts in files)
+    most = max(counts)
     has, was = ("has", "was") if count == 1 else ("have", "were")
-    where = f", at most {most.repeated}" if len(concerned) > 1 else ""
+    where = f", at most {most}" if concerned > 1 else ""
     return [
-        f"{number_of(count, 'row')} ({100 * share:.2g} %) in {len(concerned)} of "
-        f"{number_of(len(files), 'file')} {has} the time of the row above and {was} left out"
-        f"{where} ({most.file})"
+        f"{number_of(count, 'row')} ({100 * count / rows:.2g} %) in {concerned} of "
+        f"{number_of(len(files), 'file')} {has} {what} and {was} left out{where} "
+        f"({files[counts.index(most)].file})"
     ]
 
 

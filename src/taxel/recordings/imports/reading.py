@@ -18,7 +18,7 @@ from taxel.plain_text import number_of
 from taxel.recordings.imports import tables
 from taxel.recordings.imports.layouts import LayoutReader, find_layout
 from taxel.recordings.imports.row_labels import marks_by_row
-from taxel.recordings.imports.row_times import Repeated, check_time
+from taxel.recordings.imports.row_times import BadTimes, check_time
 from taxel.recordings.imports.rows import ImportRow
 from taxel.recordings.imports.table_columns import text_cells
 from taxel.recordings.imports.tables import Column, Missing, Table
@@ -40,51 +40,51 @@ class Content:
 
 
 def reader_of(
-    row: ImportRow, missing: Missing, repeated: Repeated, code_dir: Path, *, allow_code: bool
+    row: ImportRow, missing: Missing, bad_times: BadTimes, code_dir: Path, *, allow_code: bool
 ) -> Callable[[], Content]:
     """Return what reads a row's file; a BadTable that it raises is the file's fault.
 
     Args:
         row: The row.
         missing: What happens to values that are not finite.
-        repeated: What happens to rows that repeat the time of the row above.
+        bad_times: What happens to rows whose times are garbled or repeat.
         code_dir: What the module of a layout is relative to.
         allow_code: Whether modules may be run.
 
     Raises:
         BadTable: The row names channels, times or a layout that cannot be.
     """
-    read = _table_reader(row, missing, repeated, code_dir, allow_code=allow_code)
+    read = _table_reader(row, missing, bad_times, code_dir, allow_code=allow_code)
 
     def content() -> Content:
         if not row.file.is_file():
             raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
         table, padding = read()
         samples = Samples.from_values(table.values, table.time_s, row.full_scale)
-        marks = tuple(_marks(row, samples, table.repeated)) if row.by_row else ()
+        marks = tuple(_marks(row, samples, table.dropped.rows)) if row.by_row else ()
         return Content(table=table, samples=samples, marks=marks, padding=padding)
 
     return content
 
 
 def _table_reader(
-    row: ImportRow, missing: Missing, repeated: Repeated, code_dir: Path, *, allow_code: bool
+    row: ImportRow, missing: Missing, bad_times: BadTimes, code_dir: Path, *, allow_code: bool
 ) -> Callable[[], tuple[Table, Padding]]:
     if row.trial is not None:
-        return partial(row.trial.source.table, row.trial.index, missing, repeated)
+        return partial(row.trial.source.table, row.trial.index, missing, bad_times)
     where = f"the row of {row.file.name}"
     if row.layout != "csv":
         reader = find_layout(row.layout, code_dir, allow_code)
         chosen = tables.parse_columns(row.channels, where) if row.channels else ()
-        return lambda: (_by_layout(row, reader, chosen, missing, repeated), Padding())
+        return lambda: (_by_layout(row, reader, chosen, missing, bad_times), Padding())
     columns, time = tables.parse_columns(row.channels, where), tables.parse_time(row.time, where)
     but = row.by_row.values()
     return lambda: (
-        tables.read_table(row.file, columns, time, missing, repeated=repeated, but=but), Padding()
+        tables.read_table(row.file, columns, time, missing, bad_times=bad_times, but=but), Padding()
     )  # fmt: skip
 
 
-def _marks(row: ImportRow, samples: Samples, left_out: Sequence[int]) -> list[Mark]:
+def _marks(row: ImportRow, samples: Samples, left_out: list[int]) -> list[Mark]:
     """Return the marks of labels that stand in a file's rows.
 
     Args:
@@ -107,7 +107,7 @@ def _marks(row: ImportRow, samples: Samples, left_out: Sequence[int]) -> list[Ma
         source, index = row.trial.source, row.trial.index
         cells = [source.by_row(index, column) for column in columns]
     if left_out:
-        cells = [np.delete(np.array(own, object), list(left_out)).tolist() for own in cells]
+        cells = [np.delete(np.array(own, object), left_out).tolist() for own in cells]
     marks = marks_by_row(dict(zip(row.by_row, cells, strict=True)), samples.fitted_s)
     if not marks and not row.labels:
         raise BadTable(
@@ -122,7 +122,7 @@ def _by_layout(
     reader: LayoutReader,
     columns: Sequence[Column],
     missing: Missing,
-    repeated: Repeated,
+    bad_times: BadTimes,
 ) -> Table:
     try:
         values, time_s, names, units = reader(row.file)
@@ -142,7 +142,7 @@ def _by_layout(
         ) from error
     _check_shapes(row, table)
     tables.check_values(row.file, table.values, table.names, missing)
-    table = table.without(check_time(row.file, table.time_s, repeated))
+    table = table.without(check_time(row.file, table.time_s, bad_times))
     return _select(table, columns, f"the row of {row.file.name}") if columns else table
 
 

@@ -1,7 +1,7 @@
 """Rows whose times lie far outside those of both neighbours, which increase: garbled stamps.
 
 A line that lost bytes on its way holds such a time. It is no restart, and to sort the rows would
-move it. Knows nothing about files, units or recordings.
+move it. Knows nothing about files or recordings.
 
 Background of our choices: docs/decisions/0011.
 """
@@ -26,13 +26,17 @@ docs/decisions/0011."""
 
 
 def strays_of(time_s: NDArray[np.float64]) -> list[range]:
-    """Return the rows, from 0, whose times are strays: each lot is one or two rows.
+    """Return the rows, from 0, whose times are strays, in lots that follow one another.
 
     Args:
         time_s: Shape (n,), in any unit.
     """
+    lots: list[range] = []
     with np.errstate(over="ignore", invalid="ignore"):  # not looked at before
-        return list(_strays(time_s))
+        for rows in _strays(time_s):
+            joined = lots and rows.start < lots[-1].stop  # seen as a single one before
+            lots.append(range(lots.pop().start, rows.stop) if joined else rows)
+    return lots
 
 
 def _strays(time_s: NDArray[np.float64]) -> Iterator[range]:
@@ -47,12 +51,25 @@ def _strays(time_s: NDArray[np.float64]) -> Iterator[range]:
         if back <= seen:  # back from the stray that is known, or within it
             continue
         for rows in _lots(back, len(time_s)):
-            above, below = time_s[rows.start - 1], time_s[rows.stop]
-            own = time_s[rows.start : rows.stop]
-            if above < below and np.maximum(own - below, above - own).min() > far:
+            if _are_strays(time_s, rows, far) and not _below(time_s, rows.stop, far):
                 yield rows
                 seen = rows.stop
                 break
+
+
+def _are_strays(time_s: NDArray[np.float64], rows: range, far: float) -> bool:
+    """Return whether the times around some rows increase, and all of theirs lie far outside."""
+    if rows.stop >= len(time_s):
+        return False
+    above, below = time_s[rows.start - 1], time_s[rows.stop]
+    own = time_s[rows.start : rows.stop]
+    return bool(above < below and np.maximum(own - below, above - own).min() > far)
+
+
+def _below(time_s: NDArray[np.float64], start: int, far: float) -> bool:
+    """Return whether the rows from one on are strays: then the row above them may be a restart."""
+    lots = (range(start, start + many) for many in range(1, _MOST_ROWS + 1))
+    return any(_are_strays(time_s, rows, far) for rows in lots)
 
 
 def _lots(back: int, count: int) -> Iterator[range]:
@@ -64,29 +81,22 @@ def _lots(back: int, count: int) -> Iterator[range]:
 
 
 def strays_in_words(
-    time_s: NDArray[np.float64],
-    strays: Sequence[range],
-    first_line: int,
-    path: Path | str,
-    unit: str = "",
-) -> tuple[str, str]:
-    """Return what is wrong with the first of some strays, and how to mend it.
+    time_s: NDArray[np.float64], strays: Sequence[range], first_line: int, path: Path | str
+) -> str:
+    """Return where the first of some strays stands, between which times, and how many there are.
 
     Args:
-        time_s: Shape (n,).
+        time_s: Shape (n,), seconds.
         strays: As `strays_of` returns them; at least one.
         first_line: Number of the line that holds the first time.
         path: The file, for messages.
-        unit: Of the times, with a blank before it; empty where it is not known.
     """
     rows, count = strays[0], sum(map(len, strays))
-    own = " and ".join(f"{time_s[row]:.14g}{unit}" for row in rows)
+    own = " and ".join(f"{time_s[row]:.14g} s" for row in rows)
     lines = " and ".join(str(row + first_line) for row in rows)
-    above, below = (f"{time_s[row]:.14g}{unit}" for row in (rows.start - 1, rows.stop))
+    above, below = (f"{time_s[row]:.14g} s" for row in (rows.start - 1, rows.stop))
     more = f", the first of {count} such rows" if count > len(rows) else ""
-    got = (
+    return (
         f"{own} in {path}, {'line' if len(rows) == 1 else 'lines'} {lines}, between {above} above "
         f"and {below} below{more}"
     )
-    which = "that row" if count == 1 else "these rows"
-    return got, f"such a time is garbled: leave {which} out, or mend the time"

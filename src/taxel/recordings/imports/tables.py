@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -19,7 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadTable
-from taxel.recordings.imports.row_times import LARGEST_RATE_HZ, Repeated, check_time
+from taxel.recordings.imports.row_times import (
+    LARGEST_RATE_HZ,
+    REFUSED,
+    BadTimes,
+    DroppedRows,
+    check_time,
+)
 from taxel.recordings.imports.table_columns import (
     TextColumns,
     npy_columns,
@@ -79,20 +85,16 @@ class Table:
     """Whether each row ends in a separator, with an empty cell behind it that was left out."""
     passed_over: str = ""
     """Which lines around the names are no rows, and why, for a note; or empty."""
-    repeated: tuple[int, ...] = ()
-    """Rows, from 0, that were left out because they repeat the time of the row above."""
+    dropped: DroppedRows = field(default_factory=DroppedRows)
+    """Rows of the file, or of the trial, that were left out because of their times."""
 
-    def without(self, rows: NDArray[np.intp]) -> Table:
-        """Return the table without rows of a repeated time.
-
-        Args:
-            rows: From 0, shape (k,).
-        """
-        if not len(rows):
+    def without(self, dropped: DroppedRows) -> Table:
+        """Return the table without some of its rows."""
+        if not (rows := dropped.rows):
             return self
         return replace(
             self, values=np.delete(self.values, rows, axis=0),
-            time_s=np.delete(self.time_s, rows), repeated=tuple(rows.tolist()),
+            time_s=np.delete(self.time_s, rows), dropped=dropped,
         )  # fmt: skip
 
 
@@ -176,7 +178,7 @@ def read_table(
     time: TimeColumn,
     missing: Missing = "refuse",
     *,
-    repeated: Repeated = "refuse",
+    bad_times: BadTimes = REFUSED,
     in_trials: bool = False,
     but: Collection[str] = (),
 ) -> Table:
@@ -187,7 +189,7 @@ def read_table(
         columns: Wanted channels, in the order of the result.
         time: Where time comes from.
         missing: What happens to values that are not finite. Time must always be.
-        repeated: What happens to rows that repeat the time of the row above.
+        bad_times: What happens to rows whose times are garbled or repeat.
         in_trials: Whether times may begin anew; then they are not looked at.
         but: Columns that `*` leaves out, beside that of time: other calls take them.
 
@@ -227,7 +229,7 @@ def read_table(
     if in_trials or time.column is None:
         return table
     is_text = ending.endswith(TEXT_ENDINGS)
-    return table.without(check_time(path, table.time_s, repeated, first_line, text=is_text))
+    return table.without(check_time(path, table.time_s, bad_times, first_line, text=is_text))
 
 
 def check_values(

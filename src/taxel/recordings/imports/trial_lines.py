@@ -16,7 +16,7 @@ import numpy as np
 
 from taxel.errors import BadTable
 from taxel.plain_text import number_of, visible
-from taxel.recordings.imports.row_times import Repeated
+from taxel.recordings.imports.row_times import BadTimes
 from taxel.recordings.imports.table_columns import text_cells, text_names
 from taxel.recordings.imports.table_form import column_places, header_names, is_whole
 from taxel.recordings.imports.tables import (
@@ -139,8 +139,8 @@ class LineTrials:
                            "fill it in")  # fmt: skip
         return found
 
-    def table(self, index: int, missing: Missing, repeated: Repeated) -> tuple[Table, Padding]:
-        """Return one trial's values; a text has no padding, and times by a rate no repeats.
+    def table(self, index: int, missing: Missing, bad_times: BadTimes) -> tuple[Table, Padding]:
+        """Return one trial's values; a text has no padding, and times by a rate are never bad.
 
         Raises:
             BadTable: Its values are not as they should be, or are no whole scans.

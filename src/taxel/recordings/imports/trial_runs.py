@@ -10,6 +10,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,8 @@ import numpy as np
 from taxel.errors import BadTable
 from taxel.plain_text import visible
 from taxel.recordings.imports.restarts import RESTARTS, begins_anew
-from taxel.recordings.imports.row_times import Repeated, check_time
-from taxel.recordings.imports.stray_times import strays_in_words, strays_of
+from taxel.recordings.imports.row_times import BadTimes, check_time
+from taxel.recordings.imports.stray_times import strays_of
 from taxel.recordings.imports.table_columns import text_cells, text_names
 from taxel.recordings.imports.table_form import header_names, is_number
 from taxel.recordings.imports.tables import (
@@ -32,8 +33,6 @@ from taxel.recordings.imports.tables import (
 )
 from taxel.recordings.imports.trial_sets import AND, MOST_TRIALS, Padding
 from taxel.recordings.time_stamps import stamp_s
-
-_OR_ANEW = "times that increase, or begin anew near where they began"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +87,9 @@ class TextTrials:
         self._described = header_names([*asked, *names, *by_row], header)
         self._columns = columns
         first_line, rows = text_cells(path, [*asked, *names, *by_row], others)
-        if anew:
-            rows = _numbered(path, rows, keys, first_line)
+        self._strays: list[range] | None = [] if anew else None
+        if self._strays is not None:
+            rows = _numbered(path, rows, keys, first_line, self._strays)
         self._first_line = first_line
         self._by_row = {column: place for place, column in enumerate(by_row)}
         self._cells: list[list[str]] = []
@@ -143,7 +143,7 @@ class TextTrials:
                 self._cells.append(cells[count:])
             yield cells[:count]
 
-    def table(self, index: int, missing: Missing, repeated: Repeated) -> tuple[Table, Padding]:
+    def table(self, index: int, missing: Missing, bad_times: BadTimes) -> tuple[Table, Padding]:
         """Return one trial's values; a text has no padding.
 
         Raises:
@@ -163,9 +163,16 @@ class TextTrials:
         if self._time.column is None:  # by the rate, from 0 in each trial
             return replace(table, time_s=whole.time_s[: run.stop - run.start]), Padding()
         where = f"{self._path}, trial {visible(self.keys[index])}"
-        first_line = self._first_line + run.start
-        again = check_time(where, table.time_s, repeated, first_line, text=True)
-        return table.without(again), Padding()
+        dropped = check_time(where, table.time_s, bad_times, self._first_line + run.start,
+                             text=True, strays=self._strays_of(run))  # fmt: skip
+        return table.without(dropped), Padding()
+
+    def _strays_of(self, run: _Run) -> list[range] | None:
+        """Return a trial's rows with a garbled time, from 0; None if they were not looked for."""
+        if self._strays is None:
+            return None
+        return [range(lot.start - run.start, lot.stop - run.start)
+                for lot in self._strays if run.start <= lot.start < run.stop]  # fmt: skip
 
     def _steady(self, whole: Table) -> str:
         """Return a remark on columns that * took for channels, but that may describe the trial."""
@@ -191,56 +198,71 @@ class TextTrials:
 
 
 def _numbered(
-    path: Path, rows: Iterable[list[str]], keys: Sequence[str], first_line: int
+    path: Path, rows: Iterable[list[str]], keys: Sequence[str], first_line: int, strays: list[range]
 ) -> Iterator[list[str]]:
     """Yield rows with a number in the place of their time: how often it has begun, from 1.
 
-    Numbers begin with 1 where another of the keys changes.
+    Numbers begin with 1 where another of the keys changes. Rows with a garbled time belong to the
+    trial of the row above: to cut there would make two trials of one.
+
+    Args:
+        path: For messages.
+        rows: The keys' cells of each row, and others behind them.
+        keys: Columns that say which trial a row belongs to, `restarts` in the place of time.
+        first_line: Number of the line that holds the first row.
+        strays: Is given the rows, from 0, whose times are garbled.
 
     Raises:
         BadTable: A time is no number, or goes back without beginning anew.
     """
-    place = keys.index(RESTARTS)
-    others: list[str] | None = None
-    count, start, line = 1, 0.0, first_line
-    times = array("d")  # since another of the keys changed
+    place, first = keys.index(RESTARTS), 0
+    timed = _timed(path, rows, place, first_line)
+    for _, part in groupby(timed, key=lambda row: row[1][: len(keys)]):
+        times, held = array("d"), list[list[str]]()
+        for now, cells in part:
+            times.append(now)
+            held.append(held[-1] if held and held[-1] == cells else cells)  # takes less memory
+        lots = strays_of(np.array(times))
+        strays += [range(first + lot.start, first + lot.stop) for lot in lots]
+        counts = _begun(path, times, lots, first_line + first)
+        for count, cells in zip(counts, held, strict=True):
+            yield [*cells[:place], str(count), *cells[place + 1 :]]
+        first += len(times)
+
+
+def _timed(
+    path: Path, rows: Iterable[list[str]], place: int, first_line: int
+) -> Iterator[tuple[float, list[str]]]:
+    """Yield the time that stands at a place of each row, and the row's cells without it."""
     for line, cells in enumerate(rows, start=first_line):
         text = cells[place].replace(",", ".")
         now = float(text) if is_number(text) else stamp_s(cells[place])
         if now is None:
             raise BadTable("a time in every row", f"{cells[place][:80]!r} in {path}, line {line}",
                            "mend the file")  # fmt: skip
-        own = [*cells[:place], *cells[place + 1 : len(keys)]]
-        if own != others:
-            _refuse_strays(path, times, line)
-            others, count, start = own, 1, now
-            del times[:]
-        elif begins_anew(now, times[-1], start):
-            count, start = count + 1, now
-        elif now < times[-1]:
-            _refuse_strays(path, array("d", [*times, now]), line + 1)
-            raise BadTable(
-                _OR_ANEW, f"{now:.6g} after {times[-1]:.6g} in {path}, line {line}",
-                "sort the rows of each trial, or name a column that numbers the trials in the "
-                "column 'trials'",
-            )  # fmt: skip
-        times.append(now)
-        cells[place] = str(count)
-        yield cells
-    _refuse_strays(path, times, line + 1)
+        cells[place] = ""
+        yield now, cells
 
 
-def _refuse_strays(path: Path, times: array[float], end: int) -> None:
-    """Refuse times of which one or two are garbled: to cut there would make two trials of one.
-
-    Args:
-        path: For messages.
-        times: Of rows that follow one another.
-        end: Number of the line below them.
-    """
-    time_s = np.array(times)
-    if strays := strays_of(time_s):
-        raise BadTable(_OR_ANEW, *strays_in_words(time_s, strays, end - len(times), path))
+def _begun(
+    path: Path, times: array[float], strays: Sequence[range], first_line: int
+) -> Iterator[int]:
+    """Yield for each row how often time has begun, from 1; garbled times are not looked at."""
+    garbled = {row for lot in strays for row in lot}
+    count, start, before = 1, times[0], times[0]
+    for row, now in enumerate(times):
+        if row not in garbled:
+            if begins_anew(now, before, start):
+                count, start = count + 1, now
+            elif now < before:
+                raise BadTable(
+                    "times that increase, or begin anew near where they began",
+                    f"{now:.6g} after {before:.6g} in {path}, line {row + first_line}",
+                    "sort the rows of each trial, or name a column that numbers the trials in the "
+                    "column 'trials'",
+                )
+            before = now
+        yield count
 
 
 def _runs(

@@ -33,7 +33,7 @@ from taxel.foreign.held_arrays import (
     table_of,
 )
 from taxel.plain_text import visible
-from taxel.recordings.imports.row_times import Repeated
+from taxel.recordings.imports.row_times import BadTimes
 from taxel.recordings.imports.table_columns import read_cells
 from taxel.recordings.imports.table_form import TEXT_ENDINGS, is_number
 from taxel.recordings.imports.tables import Missing, Table
@@ -89,13 +89,13 @@ class TrialSet(Protocol):
             BadTable: There is no such array or column, or it has another number of values.
         """
 
-    def table(self, index: int, missing: Missing, repeated: Repeated) -> tuple[Table, Padding]:
+    def table(self, index: int, missing: Missing, bad_times: BadTimes) -> tuple[Table, Padding]:
         """Return one trial's values, and what padding they had.
 
         Args:
             index: Of the trial, from 0.
             missing: What happens to values that are not finite.
-            repeated: What happens to rows that repeat the time of the row above.
+            bad_times: What happens to rows whose times are garbled or repeat.
 
         Raises:
             BadTable: Its values or times are not as they should be.

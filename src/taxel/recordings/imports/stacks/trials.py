@@ -21,7 +21,7 @@ from taxel.errors import BadFile, BadTable
 from taxel.foreign.files import MIB
 from taxel.foreign.held_arrays import Cells, Numbers, bytes_of, sides_of
 from taxel.plain_text import number_of, visible
-from taxel.recordings.imports.row_times import Repeated, check_time
+from taxel.recordings.imports.row_times import BadTimes, check_time
 from taxel.recordings.imports.stacks.axes import (
     ROWS,
     TRIALS,
@@ -216,7 +216,7 @@ class ArrayTrials:
                 )  # fmt: skip
         self._lengths = list(lengths)
 
-    def table(self, index: int, missing: Missing, repeated: Repeated) -> tuple[Table, Padding]:
+    def table(self, index: int, missing: Missing, bad_times: BadTimes) -> tuple[Table, Padding]:
         """Return one trial's values, and what padding they had.
 
         Raises:
@@ -239,10 +239,10 @@ class ArrayTrials:
         names = tuple(column.name for column in self._columns)
         check_values(where, values, names, missing)
         time_s = self._time_s(index, cells, rows)
-        again = check_time(where, time_s, repeated)
+        dropped = check_time(where, time_s, bad_times)
         units = tuple(column.unit for column in self._columns)
         table = Table(values=values, time_s=time_s, names=names, units=units)
-        return table.without(again), padding
+        return table.without(dropped), padding
 
     def close(self) -> None:
         """Close the file; it is opened again where needed."""
