@@ -216,6 +216,30 @@ def test_a_table_of_camera_trials_is_described_in_place(
     assert (data["trials"], data["frames"], data["sizes"]) == (26, [1, 1], ["12×8"])
 
 
+def test_what_stands_in_the_way_of_training_takes_the_place_of_the_next_verb(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """Two sizes, no label; the same image twice is said, and a split is no group."""
+    for name, shape in (("a", (8, 12)), ("b", (8, 12)), ("c", (9, 12)), ("d", (8, 12))):
+        level = 5 if name in "ab" else 90
+        cv2.imwrite(str(tmp_path / f"{name}.png"), np.full((*shape, 3), level, np.uint8))
+    table = tmp_path / "trials.csv"
+    head = "camera:gel,label:kind,split"
+    for rows, expected in (
+        (["a.png,x,train", "c.png,y,test"], "note: a recogniser needs images of one size"),
+        (["a.png,x,train", "b.png,y,test"], "note: 2 trials of the same images as another"),
+    ):
+        table.write_text("\n".join([head, *rows]) + "\n")
+        Info(table).run()
+        lines = capsys.readouterr().out.splitlines()
+        assert lines[2] == "split: test (1), train (1)"
+        assert lines[3].startswith(expected)
+        assert not any(line.startswith("next") for line in lines)
+    table.write_text("camera:gel\na.png\nd.png\n")
+    Info(table).run()
+    assert "note: no label: add a column label:NAME" in capsys.readouterr().out
+
+
 def test_a_table_of_arrays_is_still_sent_to_import(tmp_path: Path):
     table = tmp_path / "table.csv"
     table.write_text("file,label:kind,time\na.csv,x,rate:100Hz\n")

@@ -31,7 +31,7 @@ from taxel.foreign.json_text import Fields, parse_json
 from taxel.models.devices import CPU
 from taxel.plain_text import number_of
 from taxel.windows.trial_crops import FAMILIES, PLACES, Layout
-from taxel.windows.trial_network import FEATURES, SIDE_PX, Network
+from taxel.windows.trial_network import FEATURES, IMAGES, SIDE_PX, Network
 
 FORMAT = 1
 IN_RUN = "recogniser.taxel"
@@ -160,7 +160,7 @@ def trial_bundle_bytes(
         "check_told.npy": to_npy(check_expected),
     }
     if network is not None:
-        look = open_engine(network).run(frames=_check_image())
+        look = open_engine(network).run(frames=_check_images())
         members |= dict(zip(_NETWORK, (network, to_npy(look)), strict=True))
     return pack(members), difference
 
@@ -176,11 +176,12 @@ def read_trial_bundle(path: Path, trust: Trust | None = None, device: str = CPU)
     contract = contract_from_json(members[_CONTRACT])
     rows, expected = (from_npy(members[f"check_{name}.npy"]) for name in ("rows", "told"))
     _check_shapes(contract, rows, expected)
-    tried = [Trial(members["model.onnx"], {"rows": rows})]
+    tried = [Trial(members["model.onnx"], {"rows": some}) for some in (rows, rows[:1])]
     if "network" in contract.views:
         if lacking := [name for name in _NETWORK if name not in members]:
             raise damaged(path, f"no {' and no '.join(lacking)}")
-        tried.append(Trial(members["network.onnx"], {"frames": _check_image()}))
+        images = _check_images()
+        tried += [Trial(members["network.onnx"], {"frames": some}) for some in (images, images[:1])]
     for trial in tried:
         check_model(trial.model)
     try_models(tried)
@@ -205,17 +206,28 @@ def _open_network(path: Path, model: bytes, expected: NDArray[Any], device: str)
         BadBundle: It gives features of another shape, or others than when it was written.
     """
     engine = open_engine(model, threads=1, device=device)
-    found = engine.run(frames=_check_image())
-    if found.shape != (1, FEATURES) or expected.shape != found.shape:
-        raise damaged(path, f"an image network that gives features of shape {found.shape}")
+
+    def look(images: NDArray[np.uint8]) -> NDArray[np.float32]:
+        found = engine.run(frames=images)
+        if found.shape != (len(images), FEATURES):
+            raise damaged(path, f"an image network that gives features of shape {found.shape} for "
+                          f"{number_of(len(images), 'image')}")  # fmt: skip
+        return found
+
+    images = _check_images()
+    found = look(images)
+    if expected.shape != found.shape:
+        raise damaged(path, f"expected features of shape {expected.shape}")
     _refuse_differing(largest_difference(found, expected))
-    return lambda images: engine.run(frames=images)
+    look(images[:1])
+    return look
 
 
-def _check_image() -> NDArray[np.uint8]:
-    """Return the image on which an image network is checked, the same for all bundles."""
+def _check_images() -> NDArray[np.uint8]:
+    """Return the images on which an image network is checked, as many as it is given at once."""
     down, across = np.meshgrid(np.arange(SIDE_PX), np.arange(SIDE_PX), indexing="ij")
-    return np.stack([down, across, down ^ across], axis=-1).astype(np.uint8)[None]
+    first = np.stack([down, across, down ^ across], axis=-1).astype(np.uint8)
+    return np.stack([np.roll(first, 28 * turn, axis=1) for turn in range(IMAGES)])
 
 
 def read_trial_contract(path: Path, trust: Trust | None = None) -> TrialContract:
@@ -230,6 +242,8 @@ def read_trial_contract(path: Path, trust: Trust | None = None) -> TrialContract
 def contract_to_json(contract: TrialContract) -> str:
     """Return the contract as JSON text."""
     data = asdict(contract) | {"format": FORMAT, "kind": "trials"}
+    if not contract.network:
+        del data["network"]  # which older versions of taxel do not know
     return json.dumps(data, indent=1, sort_keys=True, allow_nan=False)
 
 
@@ -257,8 +271,13 @@ def _contract(entries: Fields) -> TrialContract:
         raise ValueError("another format or kind")
     entries.only({field.name for field in fields(TrialContract)} | {"format", "kind"})
     views, versions = entries.texts("views"), entries.texts("versions")
+    network = entries.text("network")
     if not views or set(views) - set(FAMILIES):
         raise ValueError("views that this version of taxel does not know")
+    if len(set(views)) < len(views):
+        raise ValueError("a view twice")
+    if bool(network) != ("network" in views):
+        raise ValueError("an image network without its view, or a view without its network")
     if versions != tuple(FAMILIES[name].key for name in views):
         raise ValueError("views of another version of taxel")
     classes = entries.texts("classes")
@@ -285,7 +304,7 @@ def _contract(entries: Fields) -> TrialContract:
         measured=entries.numbers("measured"),
         software=entries.text("software"),
         learned=entries.texts("learned"),
-        network=entries.text("network"),
+        network=network,
     )
 
 

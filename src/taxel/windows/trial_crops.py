@@ -361,7 +361,7 @@ FAMILIES: Final[dict[str, Family]] = {
                       picture.sum_up_picture, picture.VERSION),
     "network": Family(network.FEATURES,
                       lambda scene: network.look_through_network(scene.images, scene.network),
-                      network.mean_look, network.VERSION),
+                      network.as_it_is, network.VERSION),
 }  # fmt: skip
 """Name → what is looked at: grey differences and flow, the slip signal, how first, middle and last
 frame look, where object and gel went; touch, only where asked for, is the touch encoder; picture is

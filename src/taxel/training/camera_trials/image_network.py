@@ -54,9 +54,13 @@ class ImageNetwork:
 
 
 def find_image_network() -> ImageNetwork | None:
-    """Return the network with its trained weights; None where none are on this machine."""
+    """Return the network with its published weights; None where none are on this machine.
+
+    The variable TAXEL_WEIGHTS, which backbones of monitors follow, is not looked at: what is judged
+    here was chosen with these weights.
+    """
     from taxel.models.stage_looks import NETWORK
     from taxel.models.weights import find_weights
 
-    weights = find_weights(NETWORK)
+    weights = find_weights(NETWORK, environment={})
     return None if weights.path is None else ImageNetwork(weights)
