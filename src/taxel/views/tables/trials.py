@@ -170,7 +170,7 @@ def _head(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
             f"{trials.lengths.min()} to {trials.lengths.max()} frames, of each the first, the "
             f"middle and the last {layout.crop}"
         )
-    through = trials.network and f" taxel also sees them through {trials.network.words}."
+    through = trials.network and f" taxel also passes their images through {trials.network.words}."
     return (
         f"{number_of(len(trials.y), 'trial')} of {trials.cameras} "
         f"camera{'s' if trials.cameras > 1 else ''}, "
