@@ -183,8 +183,8 @@ def test_replies_later_than_the_timeout_are_never_taken_for_others() -> None:
         hand.grip(60.0)
         cable.delay_s = 0.0
         until(lambda: hand.status().ok and hand.status().force_pct == 60.0)
-
-        assert pge.writes[-2:] == [(0x0101, 60), (0x0103, 0)]
+        # On a busy machine a reply may be late once more, and both are written again.
+        until(lambda: pge.writes[-2:] == [(0x0101, 60), (0x0103, 0)])
         until(lambda: hand.status().motion is Motion.CAUGHT)
 
 
