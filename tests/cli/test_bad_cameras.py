@@ -161,6 +161,13 @@ def test_a_bundle_of_another_kind_is_sent_to_its_own_verb(
     assert "another kind; run: taxel evaluate a.taxel one.csv." in capsys.readouterr().err
 
 
+def test_an_option_that_would_change_nothing_is_named_as_it_was_typed(
+    refused: Callable[[list[str]], str],
+) -> None:
+    line = refused(["evaluate-trials", "a.taxel", "one.csv", "--no-network"])
+    assert "got --no-network, which would change nothing; leave it out" in line
+
+
 def test_the_same_images_are_not_trained_on_and_tested_on(
     tmp_path: Path, refused: Callable[[list[str]], str]
 ) -> None:

@@ -3,7 +3,7 @@
 One file, as for arrays: a first line `TAXEL BUNDLE 2 trials <sha256 of the rest>`, then a zip of
 `trials.json` (the contract), `model.onnx`, `network.onnx` where crops are looked at through an
 image network, and `check_*.npy` with crops as rows and what they must give, and what the network
-must give for an image that is drawn here. Nothing in it is unpickled. Knows nothing about training
+must give for images that are drawn here. Nothing in it is unpickled. Knows nothing about training
 frameworks.
 
 Background of our choices: docs/decisions/0041.

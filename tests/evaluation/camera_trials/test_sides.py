@@ -177,3 +177,5 @@ def test_later_trials_are_known_by_numbers_whoever_names_the_test_side() -> None
     assert order_of(by_object, groups, y) is None
     shuffled = [own | {"take": str((7 * at) % 24)} for at, own in enumerate(groups)]
     assert order_of(split_trials(shuffled, y, "split", 5, 0), shuffled, y) is None
+    lacking = [own if at else {"object": "o0", "split": "train"} for at, own in enumerate(groups)]
+    assert order_of(split_trials(lacking, y, "split", 5, 0), lacking, y) is None

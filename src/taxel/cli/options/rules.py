@@ -49,7 +49,7 @@ def check_rules(verb: object, words: Sequence[str]) -> None:
     Raises:
         BadInput: Such an option was typed.
     """
-    typed = {name.removeprefix("no-") for name in typed_options(words)}
+    typed = {name.removeprefix("no-"): name for name in typed_options(words)}
     rules: tuple[Only, ...] = getattr(verb, "RULES", ())
     for rule in rules:
         for option in rule.options:
@@ -57,12 +57,12 @@ def check_rules(verb: object, words: Sequence[str]) -> None:
                 if rule.against is not None:
                     other = rule.against(verb)
                     raise BadInput(
-                        f"--{option} or {other}",
-                        f"both; beside {other}, --{option} would change nothing",
+                        f"--{typed[option]} or {other}",
+                        f"both; beside {other}, --{typed[option]} would change nothing",
                         "leave one of the two out",
                     )
                 raise BadInput(
-                    f"{rule.need} beside --{option}",
-                    f"--{option}, which would change nothing",
+                    f"{rule.need} beside --{typed[option]}",
+                    f"--{typed[option]}, which would change nothing",
                     "leave it out",
                 )

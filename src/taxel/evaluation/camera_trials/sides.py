@@ -251,7 +251,7 @@ def order_of(split: TrialSplit, groups: Groups, y: NDArray[np.intp]) -> NDArray[
     held = what_is_held(trials, y, fold.train_rows.tolist(), fold.test_rows.tolist())
     if held.key is None or not held.ordered:
         return None
-    return as_numbers(own.get(held.key, "nan") for own in groups)
+    return as_numbers(own.get(held.key) or "nan" for own in groups)
 
 
 def interval_group(groups: Groups) -> str | None:
