@@ -57,6 +57,7 @@ LINES: dict[str, tuple[str, ...]] = {
         "label a.mcap --onset 1",
         "label folder --intervals i.csv --output l",
     ),
+    "split": ("split d", "split d --recipe array", "split d --split order:trial:3"),
     "audit": (
         "audit d",
         "audit d --split group:session",

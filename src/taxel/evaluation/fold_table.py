@@ -31,8 +31,10 @@ from pathlib import Path
 from typing import Literal
 
 from taxel.errors import BadFile, BadSplit, BadTable
+from taxel.evaluation.splits import TrialFold
 from taxel.foreign.text_lines import lines_of
 from taxel.recordings.imports.table_columns import LARGEST_LIST
+from taxel.recordings.whole import write_whole
 
 Side = Literal["train", "validation", "test", "unused"]
 SIDES: dict[str, Side] = {
@@ -129,6 +131,47 @@ def read_fold_table(path: Path, *, to_score: bool = False) -> FoldTable:
             f"{_TO_SCORE}; or leave the bundle out: each fold then trains its own model",
         )
     return FoldTable(name=path.name, rows=rows, folds=folds)
+
+
+def write_fold_table(
+    path: Path, folds: Sequence[TrialFold], places: Sequence[tuple[str, float | None]]
+) -> int:
+    """Write folds that hold out each trial once, or one fold, as such a table.
+
+    Args:
+        path: The table, which must not be there yet.
+        folds: Of whole trials; of several, each trains on all that the others test.
+        places: Each trial's recording, and where it starts on the recording's clock, seconds; None
+            where the recording is the trial.
+
+    Returns:
+        How many rows it has.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    timed = any(start_s is not None for _, start_s in places)
+    if len(folds) > 1:
+        column = "fold"
+        sides = {at: _short(fold.name) for fold in folds for at in fold.test}
+    else:
+        column, (fold,) = "side", folds
+        sides = {at: side for side, own in (("train", fold.train), ("test", fold.test))
+                 for at in own}  # fmt: skip
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["recording", *(["start_s"] if timed else []), column])
+    for at, side in sorted(sides.items()):
+        name, start_s = places[at]
+        start = "" if start_s is None else repr(float(start_s))
+        writer.writerow([name, *([start] if timed else []), side])
+    write_whole(path, text.getvalue())
+    return len(sides)
+
+
+def _short(fold: str) -> str:
+    """Return a fold's name without the word that reading the table puts before it."""
+    return fold.removeprefix("fold ").removeprefix("without ")
 
 
 def refuse_twice(table: str, names: Sequence[str], tested: Sequence[int]) -> None:
