@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taxel.errors import BadSplit
-from taxel.evaluation.fold_table import write_fold_table
-from taxel.evaluation.splits import Split, TrialFold, WindowFold
+from taxel.evaluation.fold_table import GROUP, write_fold_table
+from taxel.evaluation.splits import Split, TrialFold
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import group_value
 from taxel.recordings.imports.spelling import by_numbers
@@ -102,20 +102,57 @@ def summary_of_trials(
 def write_split(path: Path, dataset: Dataset, split: Split) -> int:
     """Write a split of taxel's own as a table of folds; return its number of rows.
 
-    A recording of several trials has a row for each, with the moment where it starts.
+    Groups that are held out whole have a row each, else recordings; of a recording of several
+    trials, each trial, with the moment where it starts.
 
     Raises:
         BadSplit: It splits single windows.
         RecordingFailed: The disk refused.
     """
-    if any(isinstance(fold, WindowFold) for fold in split.folds):
+    folds = [fold for fold in split.folds if isinstance(fold, TrialFold)]
+    if not folds:
         raise BadSplit("a split that keeps trials whole, to write it as a table", split.name,
                        "choose another split, or leave --output out")  # fmt: skip
     often = Counter(t.recording for t in (*dataset.trials, *dataset.unlabelled, *dataset.empty))
-    rows = [(trial.groups["recording"], trial.start_s if often[trial.recording] > 1 else None)
-            for trial in dataset.trials]  # fmt: skip
-    return write_fold_table(path, [fold for fold in split.folds if isinstance(fold, TrialFold)],
-                            rows)  # fmt: skip
+    trials = [(trial.groups["recording"], trial.start_s if often[trial.recording] > 1 else None)
+              for trial in dataset.trials]  # fmt: skip
+    groups = [trial.groups for trial in dataset.trials]
+    return write_folds_of(path, folds, trials, groups, split.key)
+
+
+def write_folds_of(
+    path: Path,
+    folds: Sequence[TrialFold],
+    trials: Sequence[tuple[str, float | None]],
+    groups: Sequence[Mapping[str, str]],
+    key: str | None,
+) -> int:
+    """Write folds as a table of the group's values where these are held out whole, else of trials.
+
+    Args:
+        path: The table.
+        folds: Of whole trials.
+        trials: Each trial's recording, and where it starts, if that is needed to name it.
+        groups: Of each trial.
+        key: The group that the split names, if it names one.
+
+    Returns:
+        How many rows it has.
+    """
+    values = [own.get(key or "") for own in groups]
+    whole = [value for value in values if value is not None]
+    if key is None or len(whole) < len(values) or not all(_apart(fold, values) for fold in folds):
+        return write_fold_table(path, folds, "recording", trials)
+    column = key if key == "recording" else f"{GROUP}{key}"
+    return write_fold_table(path, folds, column, [(value, None) for value in whole])
+
+
+def _apart(fold: TrialFold, values: Sequence[str | None]) -> bool:
+    """Return whether each value stands on one side, or on none."""
+    sides = [{values[i] for i in side} for side in (fold.train, fold.validation, fold.test)]
+    named = fold.train | fold.validation | fold.test
+    sides.append({value for i, value in enumerate(values) if i not in named})
+    return sum(map(len, sides)) == len(set().union(*sides))
 
 
 def _fold(

@@ -134,15 +134,16 @@ def read_fold_table(path: Path, *, to_score: bool = False) -> FoldTable:
 
 
 def write_fold_table(
-    path: Path, folds: Sequence[TrialFold], places: Sequence[tuple[str, float | None]]
+    path: Path, folds: Sequence[TrialFold], column: str, rows: Sequence[tuple[str, float | None]]
 ) -> int:
-    """Write folds that hold out each trial once, or one fold, as such a table.
+    """Write folds that test each trial once, or a single fold, as such a table.
 
     Args:
-        path: The table, which must not be there yet.
+        path: The table.
         folds: Of whole trials; of several, each trains on all that the others test.
-        places: Each trial's recording, and where it starts on the recording's clock, seconds; None
-            where the recording is the trial.
+        column: "recording", or group:KEY where the folds keep its values whole.
+        rows: Each trial's value of that column, and where the trial starts on the recording's
+            clock, seconds; None where the value says enough.
 
     Returns:
         How many rows it has.
@@ -150,23 +151,19 @@ def write_fold_table(
     Raises:
         RecordingFailed: The disk refused.
     """
-    timed = any(start_s is not None for _, start_s in places)
-    if len(folds) > 1:
-        column = "fold"
-        sides = {at: _short(fold.name) for fold in folds for at in fold.test}
-    else:
-        column, (fold,) = "side", folds
-        sides = {at: side for side, own in (("train", fold.train), ("test", fold.test))
-                 for at in own}  # fmt: skip
+    sides = [(_short(fold.name), fold.test) for fold in folds]
+    if len(folds) == 1:
+        sides = [("train", folds[0].train), ("test", folds[0].test)]
+    lines = {(*rows[at], side): None for side, own in sides for at in sorted(own)}
+    timed = any(start_s is not None for _, start_s, _ in lines)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["recording", *(["start_s"] if timed else []), column])
-    for at, side in sorted(sides.items()):
-        name, start_s = places[at]
+    writer.writerow([column, *(["start_s"] if timed else []), "fold" if len(folds) > 1 else "side"])
+    for value, start_s, side in lines:
         start = "" if start_s is None else repr(float(start_s))
-        writer.writerow([name, *([start] if timed else []), side])
+        writer.writerow([value, *([start] if timed else []), side])
     write_whole(path, text.getvalue())
-    return len(sides)
+    return len(lines)
 
 
 def _short(fold: str) -> str:

@@ -125,7 +125,7 @@ class Split:
     def _of_cameras(self, work: LongWork) -> tuple[SplitSummary, int]:
         """Return the split of camera trials, and how many rows of it were written."""
         from taxel.evaluation.camera_trials.sides import summary_of_sides
-        from taxel.evaluation.fold_table import write_fold_table
+        from taxel.evaluation.fold_summary import write_folds_of
 
         for name, given in (("--recipe", self.recipe), ("--window", self.window)):
             if given:
@@ -136,9 +136,10 @@ class Split:
             fold_count=self.fold_count, seed=self.seed,
         )  # fmt: skip
         trials, split, _ = options.read_and_part(self.data, work)
-        rows = 0
-        if self.output is not None:
-            rows = write_fold_table(self.output, split.folds, [(n, None) for n in trials.names])
+        rows = 0 if self.output is None else write_folds_of(
+            self.output, split.folds, [(name, None) for name in trials.names], trials.groups,
+            split.group,
+        )  # fmt: skip
         return summary_of_sides(trials.target, trials.labels, trials.groups, split), rows
 
     def _in_folds(self) -> bool:
