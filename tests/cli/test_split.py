@@ -15,6 +15,7 @@ from taxel.cli.options.trials import TrialOptions
 from taxel.cli.printing import progress
 from taxel.evaluation.expert import Task, read_and_part
 from taxel.evaluation.outer_split import OuterSplit
+from taxel.evaluation.table_split import GivenSplit
 from taxel.training.run import load_run
 
 Split = Callable[..., Any]
@@ -38,15 +39,16 @@ def days(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def halves(days: Path) -> Path:
-    """The same, but each recording is a trial in each of its halves, which touch each other."""
-    table, output = days.parent / "halves.csv", days.parent / "halves"
-    lines = ["recording,start_s,end_s"]
-    for path in sorted(days.glob("*.mcap")):
-        lines += [f"{path.stem},0.0,0.3", f"{path.stem},0.3,0.59"]
-    table.write_text("\n".join(lines) + "\n")
-    main(["label", str(days), "--intervals", str(table), "--output", str(output)])
-    return output
+def long(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One recording of twelve touches, of which each ends where the next begins."""
+    folder = tmp_path_factory.mktemp("long")
+    np.savetxt(folder / "a.csv", np.random.default_rng(0).normal(0, 1, (600, 2)), delimiter=",")
+    (folder / "table.csv").write_text("file,channels,time\na.csv,1[N] 2[N],rate:100Hz\n")
+    lines = [f"a.csv,{n / 2},{n / 2 + 0.5},{('cup', 'jar')[n % 2]}" for n in range(12)]
+    (folder / "i.csv").write_text("\n".join(["file,start_s,end_s,label:object", *lines]) + "\n")
+    main(["import", str(folder / "table.csv"), "--intervals", str(folder / "i.csv"), "--output",
+          str(folder / "set")])  # fmt: skip
+    return folder / "set"
 
 
 @pytest.fixture
@@ -83,38 +85,32 @@ def test_a_cross_validation_tests_what_the_split_held_out(
 
 
 @pytest.mark.parametrize(
-    ("named", "groups"),
-    [(None, "group:session"), ("group:file", "group:file"), ("order:take:3", "group:take"),
-     ("order:time:50%", "recording")],
+    ("data", "named", "columns"),
+    [("days", None, "group:session,fold"), ("days", "group:file", "group:file,fold"),
+     ("days", "order:take:3", "group:take,side"),
+     ("long", "order:time:50%", "recording,start_s,side")],
 )  # fmt: skip
 def test_the_table_parts_as_the_split_did(
-    halves: Path, tmp_path: Path, split: Split, named: str | None, groups: str
-) -> None:
+    request: pytest.FixtureRequest, tmp_path: Path, split: Split, data: str, named: str | None,
+    columns: str,
+) -> None:  # fmt: skip
     """And both as a search is parted: `train` asks the same function."""
-    data, table = halves, tmp_path / "f.csv"
+    path, table = request.getfixturevalue(data), tmp_path / "f.csv"
     words = [] if named is None else ["--split", named]
-    task = Task(data=data, target="object", split=OuterSplit(named=named))
-    base, own = read_and_part(task)
+    base, own = read_and_part(Task(data=path, target="object", split=OuterSplit(named=named)))
 
-    made = split(data, *words, "--output", table)
-    _, again = read_and_part(
-        Task(data=data, target="object", split=OuterSplit(given=given(table)))
-    )  # fmt: skip
+    made = split(path, *words, "--output", table)
+    given = OuterSplit(given=GivenSplit(table=table))
+    _, again = read_and_part(Task(data=path, target="object", split=given))
 
     assert [fold.test for fold in again.folds] == [fold.test for fold in own.folds]
     assert [fold.train for fold in again.folds] == [fold.train for fold in own.folds]
     assert [sum(fold["test"].values()) for fold in made["folds"]] == [
         len(fold.test) for fold in own.folds
     ]
-    assert table.read_text().split(",")[0] == groups
-    assert made["rows_written"] == len(table.read_text().splitlines()) - 1
+    first, *rows = table.read_text().splitlines()
+    assert (first, len(rows)) == (columns, made["rows_written"])
     assert made["total"] == len(base.trials)
-
-
-def given(table: Path) -> Any:
-    from taxel.evaluation.table_split import GivenSplit
-
-    return GivenSplit(table=table)
 
 
 def test_it_names_what_each_fold_holds_out_and_what_a_side_lacks(
