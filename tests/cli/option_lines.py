@@ -35,6 +35,7 @@ LINES: dict[str, tuple[str, ...]] = {
     "recover": ("recover a.part --output r.mcap",),
     "import": (
         "import table.csv --output r",
+        "import table.csv --output r --at-most 3",
         "import videos.csv --output r",
         "import lerobot --data d --output r",
     ),

@@ -27,8 +27,8 @@ def split_lines(found: SplitSummary) -> list[str]:
 def _fold_lines(fold: FoldSummary, found: SplitSummary) -> list[str]:
     held = ""
     if found.group is not None and fold.held_out:
-        count = number_of(len(fold.held_out), visible(found.group))
-        held = f": holds out {count}, {_names(fold.held_out)}"
+        values = number_of(len(fold.held_out), visible(found.group))
+        held = f": holds out {values}, {_names(fold.held_out)}"
     lines = [f"{visible(fold.name)}{held}"]
     for what, side in (
         ("trained on", fold.train), ("to choose by", fold.validation), ("tested", fold.test),
