@@ -35,6 +35,7 @@ LINES: dict[str, tuple[str, ...]] = {
     "recover": ("recover a.part --output r.mcap",),
     "import": (
         "import table.csv --output r",
+        "import table.csv --output r --at-most 3",
         "import videos.csv --output r",
         "import lerobot --data d --output r",
     ),
@@ -57,6 +58,7 @@ LINES: dict[str, tuple[str, ...]] = {
         "label a.mcap --onset 1",
         "label folder --intervals i.csv --output l",
     ),
+    "split": ("split d", "split d --recipe array", "split d --split order:trial:3"),
     "audit": (
         "audit d",
         "audit d --split group:session",

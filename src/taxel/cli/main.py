@@ -66,6 +66,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "view": "look at raw touch, without any model",
         "label": "label intervals of long recordings; correct when a grasp turned unstable",
         "audit": "find data leaks in recordings or in a split",
+        "split": "print what a split holds out, without training; write it as a table",
     },
     "training": {
         "models": "list models and recipes, with their parameter counts",
@@ -104,7 +105,7 @@ _AT_THE_ROOT = ("start here", "taxel itself")
 """Sections whose modules have no folder."""
 
 _TRAINS = {
-    "demo", "bench", "audit", "adapt", "bundle",
+    "demo", "bench", "audit", "split", "adapt", "bundle",
     *SECTIONS["training"], *SECTIONS["evaluation"],
 }  # fmt: skip
 """Verbs that need the extra `train`; of `bundle`, keys and signatures do without it."""

@@ -26,7 +26,7 @@ def verb_for_data(verb: str, words: Sequence[str]) -> str:
     if verb not in VERBS_OF_TRIALS:
         return verb
     paths = [Path(word) for word in words if not word.startswith("-")]
-    if any(_of_trials(path) for path in paths):
+    if any(of_trials(path) for path in paths):
         return VERBS_OF_TRIALS[verb]
     return verb
 
@@ -74,7 +74,8 @@ def _options(verb: str) -> set[str]:
     return {name.replace("_", "-") for name in names}
 
 
-def _of_trials(path: Path) -> bool:
+def of_trials(path: Path) -> bool:
+    """Return whether a path holds camera trials, or a bundle for them; False if it is not there."""
     try:
         if not path.exists():
             return False

@@ -137,9 +137,7 @@ def train_expert(
     """
     on_step("reading")
     started = perf_counter()
-    channels = task.channels if like is None else like.window.channels
-    base = load_base(task.data, task.target, channels, task.test)
-    folds = task.split.of(base)
+    base, folds = read_and_part(task, like)
     learned = _learned_from(base, folds, task.split)
     if reject_novel is not None:  # refused now, not after minutes
         parts = parts_of(task.target, (trial.labels for trial in base.dataset.trials))
@@ -153,8 +151,6 @@ def train_expert(
             expert = _with_score(expert, score)
         expert = replace(expert, notes=(*expert.notes, *_table_notes(base, folds, task.split)))
         return replace(expert, seconds=perf_counter() - started)
-    if task.check or task.split.leaves_unseen:
-        check_training_parts(base, folds)
     stored_tries = KeptTries(
         tries, {"code": code_digest(), "software": environment(), "seed": seed}
     )
@@ -184,6 +180,25 @@ def train_expert(
     stored_tries.forget()
     bars_s = 0.0 if nested is None else nested.bars_s
     return replace(expert, tries_kept=stored_tries.used, seconds=perf_counter() - started - bars_s)
+
+
+def read_and_part(task: Task, like: Choice | None = None) -> tuple[Base, Split]:
+    """Return the recordings of a training by search, and its outer folds.
+
+    Args:
+        task: What is to be predicted, and how that is judged.
+        like: A choice that is repeated, if one is.
+
+    Raises:
+        BadDataset: The recordings do not make such a data set.
+        BadSplit: They cannot be split so, or a search would have too little to choose on.
+    """
+    channels = task.channels if like is None else like.window.channels
+    base = load_base(task.data, task.target, channels, task.test)
+    folds = task.split.of(base)
+    if like is None and (task.check or task.split.leaves_unseen):
+        check_training_parts(base, folds)
+    return base, folds
 
 
 def _table_notes(base: Base, folds: Split, split: OuterSplit) -> tuple[str, ...]:

@@ -31,8 +31,10 @@ from pathlib import Path
 from typing import Literal
 
 from taxel.errors import BadFile, BadSplit, BadTable
+from taxel.evaluation.splits import TrialFold
 from taxel.foreign.text_lines import lines_of
 from taxel.recordings.imports.table_columns import LARGEST_LIST
+from taxel.recordings.whole import write_whole
 
 Side = Literal["train", "validation", "test", "unused"]
 SIDES: dict[str, Side] = {
@@ -129,6 +131,44 @@ def read_fold_table(path: Path, *, to_score: bool = False) -> FoldTable:
             f"{_TO_SCORE}; or leave the bundle out: each fold then trains its own model",
         )
     return FoldTable(name=path.name, rows=rows, folds=folds)
+
+
+def write_fold_table(
+    path: Path, folds: Sequence[TrialFold], column: str, rows: Sequence[tuple[str, float | None]]
+) -> int:
+    """Write folds that test each trial once, or a single fold, as such a table.
+
+    Args:
+        path: The table.
+        folds: Of whole trials; of several, each trains on all that the others test.
+        column: "recording", or group:KEY where the folds keep its values whole.
+        rows: Each trial's value of that column, and where the trial starts on the recording's
+            clock, seconds; None where the value says enough.
+
+    Returns:
+        How many rows it has.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    sides = [(_short(fold.name), fold.test) for fold in folds]
+    if len(folds) == 1:
+        sides = [("train", folds[0].train), ("test", folds[0].test)]
+    lines = {(*rows[at], side): None for side, own in sides for at in sorted(own)}
+    timed = any(start_s is not None for _, start_s, _ in lines)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([column, *(["start_s"] if timed else []), "fold" if len(folds) > 1 else "side"])
+    for value, start_s, side in lines:
+        start = "" if start_s is None else repr(float(start_s))
+        writer.writerow([value, *([start] if timed else []), side])
+    write_whole(path, text.getvalue())
+    return len(lines)
+
+
+def _short(fold: str) -> str:
+    """Return a fold's name without the word that reading the table puts before it."""
+    return fold.removeprefix("fold ").removeprefix("without ")
 
 
 def refuse_twice(table: str, names: Sequence[str], tested: Sequence[int]) -> None:

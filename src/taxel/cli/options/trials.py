@@ -17,7 +17,7 @@ from taxel.plain_text import number_of
 
 if TYPE_CHECKING:
     from taxel.evaluation.camera_trials.sides import TrialSplit
-    from taxel.evaluation.camera_trials.trial_set import TrialSet
+    from taxel.evaluation.camera_trials.trial_set import LabelledTrials, TrialSet
     from taxel.training.camera_trials.image_network import ImageNetwork
     from taxel.windows.camera_trials import CameraTrial
 
@@ -62,12 +62,10 @@ class TrialOptions:
         from taxel.training.frames.features import default_cache
         from taxel.windows.trial_crops import USUAL
 
-        self._check()
-        work.step("reading trials", "reading trials")
-        found = self._read(data)
+        labelled, split, found = self.read_and_part(data, work)
         trials = load_trial_set(
             found,
-            self.target,
+            labelled.target,
             self.cache or default_cache(),
             crop=self.crop,
             sight=Sight(
@@ -76,7 +74,23 @@ class TrialOptions:
             further=True,
             on_trial=work.at,
         )
-        return trials, self._split(trials), found
+        return trials, split, found
+
+    def read_and_part(
+        self, data: Path, work: LongWork
+    ) -> tuple[LabelledTrials, TrialSplit, list[CameraTrial]]:
+        """Read the trials; return their labels, how they are parted, and their images.
+
+        Raises:
+            BadInput: The options or trials do not allow it.
+        """
+        from taxel.evaluation.camera_trials.trial_set import labelled_trials
+
+        self._check()
+        work.step("reading trials", "reading trials")
+        found = self._read(data)
+        labelled = labelled_trials(found, self.target)
+        return labelled, self._split(labelled), found
 
     def _network(self) -> ImageNetwork | None:
         from taxel.training.camera_trials.image_network import find_image_network
@@ -126,7 +140,7 @@ class TrialOptions:
             for trial in part
         ]
 
-    def _split(self, trials: TrialSet) -> TrialSplit:
+    def _split(self, trials: LabelledTrials) -> TrialSplit:
         from taxel.evaluation.camera_trials.sides import left_out, split_by_table, split_trials
 
         if self.folds is not None:

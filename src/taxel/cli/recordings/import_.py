@@ -15,10 +15,16 @@ from taxel.cli.recordings.export.need import need_packages
 from taxel.errors import BadInput, MissingExtra
 from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.header import table_cells
-from taxel.recordings.imports.importing import ImportOptions, import_rows, intervals_of
+from taxel.recordings.imports.importing import (
+    ImportOptions,
+    import_rows,
+    intervals_of,
+    with_names,
+)
 from taxel.recordings.imports.intervals import Interval
 from taxel.recordings.imports.known import KNOWN, KNOWN_VIDEOS
 from taxel.recordings.imports.notes import FileFacts, notes_of
+from taxel.recordings.imports.part import Row, spread
 from taxel.recordings.imports.rows import ImportRow, read_rows
 from taxel.recordings.imports.spelling import look_alikes
 from taxel.recordings.imports.video_rows import VideoRow
@@ -95,6 +101,12 @@ class Import:
     """Arrays: leave out files that cannot be read as the table says, such as empty ones, and note
     each with the reason. Where none of the files that a row of the table names can be read, it is
     still refused."""
+    at_most: int | None = None
+    """Import a part only: at most so many recordings of each value of --of, evenly spread over the
+    order of the table; all unless given."""
+    of: tuple[str, ...] = ()
+    """Columns whose values --at-most counts, such as label:object or group:session; with several,
+    each combination of their values. All labels unless given."""
     overwrite: bool = False
     """Replace an existing output folder of an earlier import, with recordings in it that are not
     written again. Where it holds anything else, it is refused."""
@@ -106,6 +118,11 @@ class Import:
             ("allow-code", "allow-outside", "skip-unreadable"), "a table of your own",
             lambda o: o.table not in (LEROBOT, *KNOWN, *KNOWN_VIDEOS),
         ),
+        Only(
+            ("at-most", "of"), "a table or public data set (not lerobot)",
+            lambda o: o.table != LEROBOT,
+        ),
+        Only(("of",), "--at-most", lambda o: o.at_most is not None),
     )  # fmt: skip
 
     def run(self) -> None:
@@ -159,6 +176,7 @@ class Import:
         else:
             rows = KNOWN[self.table].rows(self.data)
         intervals = intervals_of(rows, self.intervals)
+        rows, left = self._part(with_names(rows))
         options = ImportOptions(
             missing=self.missing or "refuse", repeated_times=self.repeated_times or "refuse",
             garbled_times=self.garbled_times or "refuse",
@@ -169,7 +187,15 @@ class Import:
             rows, self.output, code_dir=table.parent, intervals=intervals, options=options,
             progress=progress, on_file=on_file,
         )  # fmt: skip
-        return made, _notes([*rows, *(interval for own in intervals.values() for interval in own)])
+        marks = [interval for own in intervals.values() for interval in own]
+        return made, [*_notes([*rows, *marks]), *left]
+
+    def _part(self, rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
+        """Return the rows that are imported, and a line on the others, if there are any."""
+        if self.at_most is None:
+            return list(rows), []
+        part, line = spread(rows, self.at_most, self.of)
+        return part, [line] if line else []
 
     def _no_folder(self) -> BadInput:
         return BadInput(
@@ -199,11 +225,12 @@ class Import:
             raise self._no_folder()
         else:
             rows = KNOWN_VIDEOS[self.table](self.data)
+        rows, left = self._part(rows)
         uneven: list[Video] = []
         made = import_videos(
             rows, self.output, overwrite=self.overwrite, progress=progress, on_uneven=uneven.append
         )
-        return made, [*_notes(rows), *_uneven_note(uneven)]
+        return made, [*_notes(rows), *_uneven_note(uneven), *left]
 
 
 def _notes(parts: Sequence[ImportRow | VideoRow | Interval]) -> list[str]:

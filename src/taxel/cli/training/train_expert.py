@@ -69,7 +69,13 @@ def train_default(options: ExpertOptions) -> None:
                 Task(
                     data=options.data,
                     target=target,
-                    split=outer_split(options),
+                    split=outer_split(
+                        options.split,
+                        options.folds,
+                        options.test,
+                        options.fold_count,
+                        options.seed,
+                    ),
                     test=options.test,
                     check=options.check,
                 ),
@@ -116,18 +122,20 @@ def _same_again(options: ExpertOptions, choice: Path) -> list[object]:
     return words if options.check else [*words, "--no-check"]
 
 
-def outer_split(options: ExpertOptions) -> OuterSplit:
-    """Return what the outer folds are made by.
+def outer_split(
+    split: str | None, folds: Path | None, test: Path | None, fold_count: int, seed: int
+) -> OuterSplit:
+    """Return what the outer folds are made by, from the options of these names.
 
     Raises:
         BadInput: More than one split is given, or too few folds.
     """
     from taxel.evaluation.outer_split import OuterSplit
 
-    if options.fold_count < 2:
-        raise BadInput("at least two folds", str(options.fold_count), "choose more folds")
-    given = split_given(options.split, options.folds, options.test)
-    return OuterSplit(named=options.split, given=given, folds=options.fold_count, seed=options.seed)
+    if fold_count < 2:
+        raise BadInput("at least two folds", str(fold_count), "choose more folds")
+    given = split_given(split, folds, test)
+    return OuterSplit(named=split, given=given, folds=fold_count, seed=seed)
 
 
 def expert_json(expert: Expert, output: Path) -> dict[str, Any]:

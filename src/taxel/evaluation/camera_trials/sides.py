@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
 from taxel.evaluation.first_share import first_share, group_numbers
+from taxel.evaluation.fold_summary import SplitSummary, summary_of_trials
 from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_table, refuse_twice
 from taxel.evaluation.shared_values import on_both_sides
 from taxel.evaluation.splits import TrialFold
@@ -138,6 +139,21 @@ def split_by_table(
     if table.rows[0].key != "recording":
         key = table.rows[0].key
     return TrialSplit(f"folds of {table.name}", tuple(sides), key or "trial")
+
+
+def summary_of_sides(
+    target: str, labels: Sequence[str], groups: Groups, split: TrialSplit
+) -> SplitSummary:
+    """Return what a split of camera trials holds out.
+
+    Args:
+        target: The label that is predicted.
+        labels: Each trial's class.
+        groups: Of each trial.
+        split: How they are parted.
+    """
+    values = [own.get(split.group) for own in groups]
+    return summary_of_trials(target, split.name, split.folds, labels, split.group, values)
 
 
 def left_out(split: TrialSplit, trials: int) -> str | None:

@@ -47,6 +47,23 @@ class Sight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LabelledTrials:
+    """What a split of camera trials needs to know of them; no image is looked at."""
+
+    target: str
+    classes: tuple[str, ...]
+    y: NDArray[np.intp]
+    """Shape (trials,): index into `classes`."""
+    names: tuple[str, ...]
+    groups: tuple[Mapping[str, str], ...]
+
+    @property
+    def labels(self) -> list[str]:
+        """Each trial's class."""
+        return [self.classes[number] for number in self.y.tolist()]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TrialSet:
     """Labelled camera trials, cut and looked at."""
 
@@ -98,6 +115,40 @@ class TrialSet:
         )
 
 
+def labelled_trials(trials: Sequence[CameraTrial], target: str | None) -> LabelledTrials:
+    """Return the trials' classes, names and groups.
+
+    Args:
+        trials: At least two.
+        target: The label; the only one where there is one, unless given.
+
+    Raises:
+        BadDataset: A trial lacks the label, or there is one class only.
+    """
+    target = target or _only_label(trials)
+    lacking = [trial.name for trial in trials if target not in trial.labels]
+    if lacking:
+        known = sorted({name for trial in trials for name in trial.labels})
+        raise BadDataset(
+            f"the label {target!r} on every trial",
+            f"none on {lacking[0]}{f' and {len(lacking) - 1} more' if lacking[1:] else ''}",
+            f"labels are {', '.join(known) or 'none'}; name one with --target, or fill the table",
+        )
+    labels = [trial.labels[target] for trial in trials]
+    classes = in_order(set(labels))
+    refuse_reserved(classes, target)
+    if len(classes) < 2:
+        raise BadDataset(f"two or more classes of {target!r}", f"only {classes[0]!r}",
+                         "record others too, or name another label with --target")  # fmt: skip
+    return LabelledTrials(
+        target=target,
+        classes=classes,
+        y=np.array([classes.index(label) for label in labels], np.intp),
+        names=tuple(trial.name for trial in trials),
+        groups=tuple(dict(trial.groups) for trial in trials),
+    )
+
+
 def load_trial_set(
     trials: Sequence[CameraTrial],
     target: str | None,
@@ -124,26 +175,12 @@ def load_trial_set(
             rate.
         BadInput: The crop does not fit.
     """
-    target = target or _only_label(trials)
-    lacking = [trial.name for trial in trials if target not in trial.labels]
-    if lacking:
-        known = sorted({name for trial in trials for name in trial.labels})
-        raise BadDataset(
-            f"the label {target!r} on every trial",
-            f"none on {lacking[0]}{f' and {len(lacking) - 1} more' if lacking[1:] else ''}",
-            f"labels are {', '.join(known) or 'none'}; name one with --target, or fill the table",
-        )
+    labelled = labelled_trials(trials, target)
     sizes = {(trial.width, trial.height) for trial in trials}
     if len(sizes) > 1:
         raise BadDataset("images of one size in all trials",
                          " and ".join(f"{w}×{h}" for w, h in sorted(sizes)[:3]),
                          "make a table of each size")  # fmt: skip
-    labels = [trial.labels[target] for trial in trials]
-    classes = in_order(set(labels))
-    refuse_reserved(classes, target)
-    if len(classes) < 2:
-        raise BadDataset(f"two or more classes of {target!r}", f"only {classes[0]!r}",
-                         "record others too, or name another label with --target")  # fmt: skip
     lengths = [trial.frames for trial in trials]
     layout = choose_layout(lengths, crop)
     least, most = (chosen(trials, key=lambda trial: trial.rate_hz) for chosen in (min, max))
@@ -163,11 +200,11 @@ def load_trial_set(
             trials, layout, views, cache, on_between, between=count, network=network
         )
     return TrialSet(
-        target=target,
-        classes=classes,
-        y=np.array([classes.index(label) for label in labels], np.intp),
-        names=tuple(trial.name for trial in trials),
-        groups=tuple(dict(trial.groups) for trial in trials),
+        target=labelled.target,
+        classes=labelled.classes,
+        y=labelled.y,
+        names=labelled.names,
+        groups=labelled.groups,
         lengths=np.array(lengths, np.intp),
         cameras=len(trials[0].cameras),
         layout=layout,

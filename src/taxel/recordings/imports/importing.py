@@ -11,7 +11,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
@@ -159,11 +159,7 @@ def _parts(
     rows: Sequence[ImportRow], intervals: Mapping[str, Sequence[Interval]]
 ) -> list[list[_Job]]:
     """Return what is to be written, in a list for each file."""
-    names = iter(_output_names([row for row in rows if row.fault is None]))
-    jobs = []
-    for row in rows:
-        name = "" if row.fault else next(names)
-        jobs.append(_Job(row, f"{name}.mcap", intervals.get(name, ())))
+    jobs = [_Job(row, f"{row.name}.mcap", intervals.get(row.name, ())) for row in with_names(rows)]
     each = groupby(jobs, key=lambda job: id(job.row.trial.source if job.row.trial else job))
     return [list(part) for _, part in each]
 
@@ -238,6 +234,12 @@ def intervals_of(rows: Sequence[ImportRow], table: Path | None) -> dict[str, lis
             raise BadTable("an interval or a label for each file", f"none for {row.file}",
                            f"add lines to {table}, or leave the file out")  # fmt: skip
     return found
+
+
+def with_names(rows: Sequence[ImportRow]) -> list[ImportRow]:
+    """Return the rows with their recordings' names, which stay where some rows are left out."""
+    names = iter(_output_names([row for row in rows if row.fault is None]))
+    return [row if row.fault else replace(row, name=next(names)) for row in rows]
 
 
 def _output_names(rows: Sequence[ImportRow]) -> list[str]:

@@ -41,6 +41,8 @@ class VideoRow:
     rate_hz: float | None = None
     """Frames a second; None takes what the files say."""
     mm_per_px: float | None = None
+    details: Mapping[str, str] = field(default_factory=dict)
+    """Kept with each camera in the manifest."""
 
 
 def read_video_rows(table: Path, data_dir: Path, *, outside: bool = False) -> list[VideoRow]:

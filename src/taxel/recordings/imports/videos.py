@@ -73,7 +73,8 @@ def _import_row(row: VideoRow, path: Path) -> list[Footage]:
                 height=video.height,
                 rate_hz=rate_hz,
                 mm_per_px=row.mm_per_px,
-                details={"time": "frame number over rate", "file": video.path.name},
+                details={"time": "frame number over rate", "file": video.path.name}
+                | dict(row.details),
             )
             for name, video in videos.items()
         )
