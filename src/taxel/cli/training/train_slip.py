@@ -77,7 +77,7 @@ class TrainSlip:
                 pours, self.head, self.false_alarms, goal, seed=self.seed, on_step=on_step
             )
         scores = _by_gel(learn.promised(tracks), promise.threshold)
-        measured = {}
+        measured: dict[str, float] = {}
         for version, own in scores.items():
             where = f" on gel {version}" if len(scores) > 1 else ""
             measured |= {
