@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 
 from taxel.bundles.grasp import read_grasp_bundle, read_grasp_contract
-from taxel.bundles.shipped import CUP_POUR, find_bundle, shipped_bundle
+from taxel.bundles.shipped import BOTH_GELS, CUP_POUR, find_bundle, shipped_bundle
 from taxel.cli.live.grasps import number_words
 from taxel.cli.main import main
 from taxel.errors import BadBundle
 
 
-@pytest.mark.parametrize("name", [CUP_POUR, "slip-rule"])
+@pytest.mark.parametrize("name", [CUP_POUR, BOTH_GELS, "slip-rule"])
 def test_what_comes_with_taxel_gives_a_score(name: str) -> None:
     assert not read_grasp_bundle(shipped_bundle(name)).contract.gives_probability
 

@@ -1,10 +1,14 @@
 """`taxel train-slip` refuses what cannot be meant before anything is simulated."""
 
+import json
 from pathlib import Path
 
 import pytest
 
+from taxel.bundles.grasp import read_grasp_bundle
 from taxel.cli.main import main
+from taxel.evaluation.early_warning import learn_layer_warning, learn_slip_warning
+from taxel.training.slip.cups import NOISE_CUPS
 
 
 @pytest.mark.parametrize(
@@ -27,3 +31,26 @@ def test_what_cannot_be_meant_is_refused_in_one_line(
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert needed in line
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_both_gels_are_learned_from_and_the_rate_is_kept_on_each(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for module in (learn_slip_warning, learn_layer_warning):
+        monkeypatch.setattr(module, "NOISE_CUPS", NOISE_CUPS[:1])
+    poses, output = tmp_path / "poses", tmp_path / "slip.taxel"
+    words = f"train-slip {poses} --gel both --cups 8 --false-alarms 2 --output {output} --json"
+    main(words.split())
+
+    found = json.loads(capsys.readouterr().out)
+    assert found["gel"] == "both"
+    assert set(found["by_gel"]) == {"1", "2"}
+    assert found["by_gel"]["1"]["events"]["clusters"] == 8
+    for own in found["by_gel"].values():
+        assert own["events"]["false_alarms_per_min"] <= 2.0
+    assert len(list(poses.glob("*-layers-0.npz"))) == 8
+    assert len(list(poses.glob("*-layers-other.npz"))) == 4
+    contract = read_grasp_bundle(output).contract
+    assert "missed on gel 2" in contract.measured
+    assert "rigid gels and on layers" in contract.data_digest

@@ -25,6 +25,7 @@ from taxel.training.slip.cups import (
 )
 from taxel.training.slip.heads import (
     FURTHER_LESS,
+    LAYERS_LESS,
     features_of,
     learning_rows,
     new_head,
@@ -37,6 +38,21 @@ from taxel.training.slip.pose_noise import add_noise, fit_noise, fit_noises, set
 def pours():
     """Three pours: one is dropped, one slips late or not at all, one holds."""
     return true_pours(paper_runs(31_000)[:3])
+
+
+def test_a_forecast_is_lowered_on_layers_only_where_both_gels_are_learned_from(pours):
+    rigid = [features_of(pour) for pour in pours]
+    layers = [replace(found, gel=2) for found in rigid]
+    goal = "slip in 0.5 or 1 s"
+    (rows, labels, _), (_, alone, _) = (learning_rows(each, goal) for each in (rigid, layers))
+    both_rows, both, _ = learning_rows([*rigid, *layers], goal)
+
+    assert np.array_equal(alone, labels)
+    assert np.array_equal(both_rows, np.concatenate([rows, rows]))
+    assert np.array_equal(both[: len(rows)], labels)
+    assert both[len(rows) :] == pytest.approx(labels - LAYERS_LESS)
+    whether = learning_rows([*rigid, *layers], "within 1 s")[1]
+    assert set(np.unique(whether)) <= {0, 1}
 
 
 def noisy_copy(pour, gain, white_mm, seed):

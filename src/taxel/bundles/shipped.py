@@ -13,6 +13,9 @@ _FOLDER = Path(__file__).with_name("ready")
 CUP_POUR = "cup-pour"
 """Watches two tactile cameras: a forecast of slip, made by `taxel train-slip`. How, and what it is
 worth: docs/decisions/0036."""
+BOTH_GELS = "slip-both-gels"
+"""The same forecast, learned on rigid gels and on gels that shear as layers, by
+`taxel train-slip --gel both`. What it is worth: docs/decisions/0037."""
 FORMER = {"slip-forecast": CUP_POUR}
 """Name that a bundle had before → its name."""
 

@@ -1,9 +1,12 @@
 """A threshold keeps what it promises, and alarms are counted as they are judged."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from taxel.errors import BadInput
+from taxel.evaluation.early_warning.learn_slip_warning import keep_promises
 from taxel.evaluation.early_warning.slip_warnings import (
     WarningTrack,
     false_alarms,
@@ -63,6 +66,26 @@ def test_a_promise_of_many_alarms_is_not_cut_short():
 
     assert sum(false_alarms(t, promise.threshold) for t in tracks) == 200
     assert promise.interval[0] < promise.threshold < promise.interval[1]
+
+
+@pytest.mark.parametrize("louder", ["1", "2"])
+def test_a_promise_on_two_gels_is_kept_on_the_louder_too(louder):
+    """Pours of one gel drive the warning twice as high; sudden slips are not promised on."""
+    tracks = [
+        replace(
+            pour(np.full(360, i / 200 * (1 + (gel == louder))), cup=str(i % 10)),
+            groups={"cup": str(i % 10), "kind": kind, "gel": gel},
+        )
+        for gel in ("1", "2")
+        for kind in ("pour", "late slip")
+        for i in range(100)
+    ]
+    minutes = 100 * (TIME_S[-1] - 0.4) / 60
+
+    promise = keep_promises(tracks, per_min=5 / minutes)
+
+    assert promise.threshold == pytest.approx(0.94, abs=1e-9)
+    assert promise.hold_min == pytest.approx(minutes)
 
 
 def test_a_promise_needs_pours_that_hold():

@@ -38,9 +38,9 @@ class Live:
     """
 
     bundle: tyro.conf.Positional[Path]
-    """A bundle, NAME.taxel; or cup-pour or slip-rule, which come with taxel. It runs on the
-    processor, or on $TAXEL_DEVICE: cuda, tensorrt, rocm, migraphx, directml, coreml or openvino,
-    where installed."""
+    """A bundle, NAME.taxel; or cup-pour, slip-both-gels or slip-rule, which come with taxel. It
+    runs on the processor, or on $TAXEL_DEVICE: cuda, tensorrt, rocm, migraphx, directml, coreml or
+    openvino, where installed."""
     source: tyro.conf.Positional[str]
     """A source: sim://teng, serial://…, camera://…, a recording (replay://FILE), or a folder of
     recordings of an array or of camera trials, replayed one after another (as fast as possible:

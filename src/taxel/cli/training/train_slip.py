@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -14,7 +15,12 @@ from taxel.cli.printing import command, console, print_json, progress
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
-    from taxel.evaluation.early_warning.slip_warnings import Promise, WarningScores
+    from taxel.evaluation.early_warning.slip_warnings import (
+        Promise,
+        WarningScores,
+        WarningTrack,
+    )
+    from taxel.training.slip.heads import Goal, PourFeatures
 
 _MOST_PER_MIN = 60.0
 _FEWEST_CUPS = 8
@@ -33,14 +39,16 @@ class TrainSlip:
     output: Path
     """The bundle to write, NAME.taxel; an older one there is replaced."""
     head: Literal["forecast", "boosting", "logistic", "rule"] = "forecast"
-    """What is learned. forecast: how far the object will slip within 0.5 s and 1 s (0.75 s with
-    --gel 2). boosting and logistic: whether it slips within 1 s. rule: only the threshold for slip
+    """What is learned. forecast: how far the object will slip within 0.5 s and 1 s (with --gel 2,
+    0.75 s). boosting and logistic: whether it slips within 1 s. rule: only the threshold for slip
     and its rate."""
-    gel: Literal[1, 2] = 1
-    """How the simulated gels shear: 1, as rigid pieces; 2, as elastic layers."""
+    gel: Literal["1", "2", "both"] = "1"
+    """How the simulated gels shear: 1, as rigid pieces; 2, as elastic layers; both: some of each,
+    and the rate of false alarms is kept on either."""
     cups: int | None = None
     """Simulated cups to learn from, 8 to 480; unless given 480, which takes 25 minutes of one core
-    from an empty folder, or with --gel 2 120, eight minutes. Fewer cups make a worse warning."""
+    from an empty folder; with --gel 2 120, eight minutes; with --gel both 240, forty minutes.
+    Fewer cups make a worse warning."""
     false_alarms: float = 0.3
     """Largest accepted number of false alarms per minute of grasps that hold (median over held-out
     cups)."""
@@ -55,9 +63,7 @@ class TrainSlip:
 
     def run(self) -> None:
         """Learn, write the bundle and print what it is worth."""
-        from taxel.evaluation.early_warning import learn_layer_warning as layers
         from taxel.evaluation.early_warning import learn_slip_warning as learn
-        from taxel.evaluation.early_warning.slip_warnings import score_warnings
 
         self._check()
         with progress() as bar:
@@ -66,33 +72,48 @@ class TrainSlip:
             def on_step(line: str) -> None:
                 bar.update(task, description=line, advance=1)
 
-            goal, learned_on = None, learn.LEARNED_ON
-            if self.gel == 1:
-                cups = self.cups or learn.LEARNED_CUPS
-                pours = learn.training_features(self.poses, cups, on_step)
-            else:
-                cups = self.cups or layers.LAYER_CUPS
-                pours = layers.layer_features(self.poses, cups, on_step)
-                goal = layers.GOAL if self.head == "forecast" else None
-                learned_on = layers.LEARNED_ON
+            pours, goal, learned_on = self._pours(on_step)
             warning, promise, tracks = learn.make_warning(
                 pours, self.head, self.false_alarms, goal, seed=self.seed, on_step=on_step
             )
-        scores, _ = score_warnings(learn.promised(tracks), promise.threshold)
-        measured = {
-            "median lead (s)": scores.events.lead_median_s,
-            "missed": scores.events.missed_share,
-            "false alarms a minute": scores.events.false_alarms_per_min,
-        }
+        scores = _by_gel(learn.promised(tracks), promise.threshold)
+        measured: dict[str, float] = {}
+        for version, own in scores.items():
+            where = f" on gel {version}" if len(scores) > 1 else ""
+            measured |= {
+                f"median lead (s){where}": own.events.lead_median_s,
+                f"missed{where}": own.events.missed_share,
+                f"false alarms a minute{where}": own.events.false_alarms_per_min,
+            }
         parity = learn.write_warning(self.output, self.head, warning, measured, learned_on)
         if self.json:
-            print_json({"bundle": str(self.output), "head": self.head, "gel": self.gel,
-                        "parity": parity, "promise": asdict(promise), "leads": scores.leads,
-                        "near": scores.near,
-                        "alarms_by_slip": scores.alarms_by_slip,
-                        "events": scores.events.as_dict()})  # fmt: skip
+            found = {
+                version: {
+                    "leads": own.leads, "near": own.near,
+                    "alarms_by_slip": own.alarms_by_slip, "events": own.events.as_dict(),
+                }
+                for version, own in scores.items()
+            }  # fmt: skip
+            gel = self.gel if self.gel == "both" else int(self.gel)
+            alone = next(iter(found.values())) if len(found) == 1 else {"by_gel": found}
+            print_json({"bundle": str(self.output), "head": self.head, "gel": gel,
+                        "parity": parity, "promise": asdict(promise), **alone})  # fmt: skip
             return
         _print(self, promise, scores, parity)
+
+    def _pours(self, on_step: Callable[[str], None]) -> tuple[list[PourFeatures], Goal | None, str]:
+        """Return training pours, what rows are labelled by, and what the bundle says of them."""
+        from taxel.evaluation.early_warning import learn_layer_warning as layers
+        from taxel.evaluation.early_warning import learn_slip_warning as learn
+
+        if self.gel == "1":
+            cups = self.cups or learn.LEARNED_CUPS
+            return learn.training_features(self.poses, cups, on_step), None, learn.LEARNED_ON
+        if self.gel == "both":
+            cups = self.cups or layers.BOTH_CUPS
+            return layers.both_features(self.poses, cups, on_step), None, layers.LEARNED_ON_BOTH
+        pours = layers.layer_features(self.poses, self.cups or layers.LAYER_CUPS, on_step)
+        return pours, layers.GOAL if self.head == "forecast" else None, layers.LEARNED_ON
 
     def _check(self) -> None:
         """Refuse, before anything is simulated, what cannot be meant."""
@@ -113,8 +134,21 @@ class TrainSlip:
             raise BadInput("a folder to keep simulated poses in", str(self.poses), "name another")
 
 
-def _print(verb: TrainSlip, promise: Promise, scores: WarningScores, parity: float) -> None:
-    events, output = scores.events, verb.output
+def _by_gel(tracks: Sequence[WarningTrack], threshold: float) -> dict[str, WarningScores]:
+    """Return what a threshold gives on each version of the gels."""
+    from taxel.evaluation.early_warning.slip_warnings import score_warnings
+
+    return {
+        gel: score_warnings([t for t in tracks if t.groups["gel"] == gel], threshold)[0]
+        for gel in sorted({track.groups["gel"] for track in tracks})
+    }
+
+
+def _print(
+    verb: TrainSlip, promise: Promise, scores: Mapping[str, WarningScores], parity: float
+) -> None:
+    output = verb.output
+    clusters = max(own.events.clusters for own in scores.values())
     low, high = promise.found_interval
     console.print(
         f"{output}: slip + {verb.head}, warns of slip above 0.3 mm; the bundle's "
@@ -122,12 +156,23 @@ def _print(verb: TrainSlip, promise: Promise, scores: WarningScores, parity: flo
         soft_wrap=True,
     )
     console.print(
-        f"training cups held out, {events.clusters} of them: threshold {promise.threshold:.3f} "
+        f"training cups held out, {clusters} of them: threshold {promise.threshold:.3f} "
         f"(95 % CI {promise.interval[0]:.3f} … {promise.interval[1]:.3f}) gives "
         f"{promise.found_per_min:.2f} false alarms a minute ({low:.2f} … {high:.2f}) in "
         f"{promise.hold_min:.0f} minutes that hold; {promise.asked_per_min:g} were asked",
         soft_wrap=True,
     )
+    for gel, own in scores.items():
+        if len(scores) > 1:
+            rate = own.events.false_alarms_per_min
+            console.print(f"  on gel {gel}: {rate:.2f} false alarms a minute")
+        _print_scores(own)
+    source = "sim://cup-pour" if verb.gel == "1" else "sim://cup-pour?gel=2"
+    watch = command("taxel", "live", output, source, "--seconds", "20")
+    console.print(f"next: {watch}", markup=False, soft_wrap=True)
+
+
+def _print_scores(scores: WarningScores) -> None:
     for loss, found in scores.leads.items():
         console.print(
             f"  warning before {loss}: median {found['median_s']:.2f} s, 5 % "
@@ -137,6 +182,3 @@ def _print(verb: TrainSlip, promise: Promise, scores: WarningScores, parity: flo
     alarms = ", ".join(f"{what}: {count}" for what, count in scores.alarms_by_slip.items())
     console.print(f"  grasps that hold but slip, a minute: {near}", soft_wrap=True)
     console.print(f"  false alarms by how far their grasp slipped: {alarms}", soft_wrap=True)
-    source = "sim://cup-pour" if verb.gel == 1 else f"sim://cup-pour?gel={verb.gel}"
-    watch = command("taxel", "live", output, source, "--seconds", "20")
-    console.print(f"next: {watch}", markup=False, soft_wrap=True)

@@ -20,6 +20,7 @@ from sklearn.linear_model import LogisticRegression
 
 from taxel.errors import BadInput
 from taxel.gel.slip_signal import PAIR_FEATURES, pair_features
+from taxel.sim.pour.cup_pour import Gel
 from taxel.training.slip.cups import GROSS_UM, PourRows, is_learned_from
 from taxel.training.slip.onnx_graph import SMALLEST_SHARE, forecast_model, slip_model, trees_model
 
@@ -44,6 +45,10 @@ USUAL_GOALS: Final[dict[HeadName, Goal]] = {
 FURTHER_LESS: Final = 0.65
 """By how much the logarithm of a second forecast, further ahead, is lowered before the larger of
 both counts. Source: training cups, docs/decisions/0036."""
+LAYERS_LESS: Final = 0.18
+"""By how much the logarithm of slip is lowered in labels of gels that shear as layers, where both
+versions are learned from: forecasts are less sure there, and would give more false alarms at the
+threshold that suits rigid gels. Source: training cups, docs/decisions/0037."""
 _AFTER_S: Final = 0.1
 """How long after the event rows are still learned from, seconds."""
 _NEAR_S: Final = 0.8
@@ -79,6 +84,8 @@ class PourFeatures:
     """Shape (n, 66), or with `RIM_FEATURES` (n, 74)."""
     at: NDArray[np.int64]
     """Shape (moments,): the row that each moment of the video sees."""
+    gel: Gel = 1
+    """How the gels shear: 1, as rigid pieces; 2, as elastic layers."""
 
     @property
     def cup(self) -> int:
@@ -108,7 +115,8 @@ def learning_rows(
     """Return rows to learn from, their labels and how much each counts.
 
     Args:
-        pours: Of training cups; those that are not learned from are left out.
+        pours: Of training cups; those that are not learned from are left out. Where gels of both
+            versions are among them, a forecast's labels are lowered by `LAYERS_LESS` on layers.
         goal: What a row is labelled by.
 
     Returns:
@@ -116,6 +124,7 @@ def learning_rows(
         shape (n, times): the natural logarithm of the largest slip until then over gross slip.
     """
     rows, labels, weights = [], [], []
+    both = goal in SLIPS_S and len({found.gel for found in pours}) > 1
     for found in pours:
         if not is_learned_from(found.pour):
             continue
@@ -130,7 +139,8 @@ def learning_rows(
             used &= time_s <= event_s + _AFTER_S
             weight[(event_s - time_s <= _NEAR_S) & (time_s <= event_s)] = _NEAR_TIMES
         rows.append(found.rows[used])
-        labels.append(_labels(found.pour, time_s, goal)[used])
+        lowered = LAYERS_LESS if both and found.gel == 2 else 0
+        labels.append(_labels(found.pour, time_s, goal)[used] - lowered)
         weights.append(weight[used])
     return np.concatenate(rows), np.concatenate(labels), np.concatenate(weights)
 

@@ -15,15 +15,24 @@ import numpy as np
 
 from taxel.gel.rim_slip import RimSlip
 from taxel.gel.slip_signal import PAIR_FEATURES
+from taxel.sim.pour.cup_pour import Gel
 from taxel.training.slip.cups import PourRows, by_rim
 from taxel.training.slip.heads import PourFeatures, features_of
 
 _RIM, _SLIP = (PAIR_FEATURES.index(name) for name in ("gel_turn_mean", "slip_turn_mean"))
 
 
-def rim_features(pours: Sequence[PourRows]) -> list[PourFeatures]:
-    """Return pours' features, shape (n, 74): `PAIR_FEATURES`, then `RIM_FEATURES`."""
-    return [_features(inside, rim) for inside, rim in zip(pours, by_rim(pours), strict=True)]
+def rim_features(pours: Sequence[PourRows], gel: Gel = 1) -> list[PourFeatures]:
+    """Return pours' features, shape (n, 74): `PAIR_FEATURES`, then `RIM_FEATURES`.
+
+    Args:
+        pours: Poses of object, gel and rim.
+        gel: How the gels shear; no feature depends on it.
+    """
+    return [
+        replace(_features(inside, rim), gel=gel)
+        for inside, rim in zip(pours, by_rim(pours), strict=True)
+    ]
 
 
 def _features(inside: PourRows, rim: PourRows) -> PourFeatures:
