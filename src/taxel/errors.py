@@ -78,6 +78,13 @@ class RecordingFailed(TaxelError, OSError):
     """The disk refused a write; the recorder keeps raising this until it is closed."""
 
 
+def not_written(
+    path: object, error: OSError, mend: str = "make room or choose another place"
+) -> RecordingFailed:
+    """Return the error of a file or folder that the disk refused."""
+    return RecordingFailed(f"needed to write {path}; got {error.strerror or error}; {mend}.")
+
+
 class WorkerLost(TaxelError, RuntimeError):
     """A job ended its worker each time, as one that takes more memory than there is does."""
 

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from taxel.errors import BadInput, RecordingFailed
+from taxel.errors import BadInput, RecordingFailed, not_written
 
 _PREFIX = ".taxel-"
 _OWNER = ".owner"
@@ -232,6 +232,4 @@ def _pid_in(path: Path) -> str:
 
 def _refused(output: Path, error: OSError, option: str = "--output") -> RecordingFailed:
     place = f"another place with {option}" if option else "another place"
-    return RecordingFailed(
-        f"needed to write {output}; got {error.strerror or error}; make room or choose {place}."
-    )
+    return not_written(output, error, f"make room or choose {place}")

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from taxel.bench.faults.catalogue import FAULTS, Fault
-from taxel.bench.faults.page import fault_page, unmeasured, write_fault_page
+from taxel.bench.faults.catalogue import FAULTS
+from taxel.bench.faults.page import fault_page, write_fault_page
 from taxel.bench.rows import Row, row
 from taxel.cli.bench import Bench
 from taxel.errors import BadInput
@@ -33,8 +33,6 @@ def test_a_missed_goal_says_so() -> None:
 
 def test_a_fault_without_a_row_is_not_measured() -> None:
     assert "not measured" in line_of(fault_page([FROZEN]), "| monitor killed while armed | ")
-    assert unmeasured([FROZEN], (Fault(what="", found=("x*",), shown=""),)) == ["x*"]
-    assert not unmeasured([FROZEN], (Fault(what="", found=("camera frozen*",), shown=""),))
 
 
 def test_every_row_stands_on_the_page_once_also_one_of_no_fault() -> None:

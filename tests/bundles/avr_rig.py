@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from taxel.bundles.avr.emit import board_window, write_c
 from taxel.bundles.avr.integers import quantise_counts, run_integers
-from taxel.bundles.avr.measure import without_board, without_host
+from taxel.bundles.avr.measure import without_board
 from taxel.bundles.avr.network import read_network
 from taxel.bundles.avr.quantise import Converter, quantise
 from taxel.bundles.avr.write import model_of
@@ -25,7 +25,6 @@ from taxel.windows.config import TENG_WINDOW, WindowConfig
 from taxel.windows.dataset import Dataset, load_dataset
 
 VOLTS = Converter(reference_mv=3300)
-needs_gcc = pytest.mark.skipif(bool(without_host()), reason=without_host())
 needs_board = pytest.mark.skipif(bool(without_board()), reason=without_board())
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from avr_rig import VOLTS, Trained, needs_board, needs_gcc, small_contract
+from avr_rig import VOLTS, Trained, needs_board, small_contract
+from c_on_host import host_library, needs_gcc, run_on_host
 from numpy.typing import NDArray
 
 from taxel.bundles.avr.emit import board_window, write_c
@@ -17,7 +18,7 @@ from taxel.bundles.avr.integers import (
     quantise_counts,
     run_integers,
 )
-from taxel.bundles.avr.measure import equal_windows, host_library, run_on_board, run_on_host
+from taxel.bundles.avr.measure import equal_windows, run_on_board
 from taxel.bundles.avr.network import ImageNetwork, run_float
 from taxel.bundles.avr.quantise import quantise
 from taxel.bundles.avr.write import compare

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from avr_rig import VOLTS, Trained, needs_gcc, small_contract
+from avr_rig import VOLTS, Trained, small_contract
+from c_on_host import host_library, needs_gcc
 
 from taxel.bundles.avr.emit import board_window, write_c
 from taxel.bundles.avr.integers import quantise_counts
-from taxel.bundles.avr.measure import host_library
 from taxel.bundles.avr.quantise import Converter
 from taxel.errors import BadBundle
 from taxel.recordings.reader import list_recordings, read_recording

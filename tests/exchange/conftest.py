@@ -1,8 +1,10 @@
 """Small recordings of an array and two cameras, with marks, gaps and missing values.
 
-On request with a camera that looks on: colour and depth.
+On request with a camera that looks on: colour and depth. The tests of this folder may import from
+it the check of LeRobot's layout.
 """
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +27,7 @@ from taxel.signals import (
     SensorInfo,
 )
 
+sys.path.insert(0, str(Path(__file__).parent))
 CAMERAS = tuple(
     CameraInfo(name=name, width=32, height=24, rate_hz=25.0) for name in ("left", "right")
 )

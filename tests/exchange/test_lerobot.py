@@ -14,7 +14,7 @@ from taxel.sim.pour.state import TRUTH_CHANNELS
 
 pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed (taxel[export])")
 layout = importlib.import_module("taxel.exchange.lerobot_layout")
-problems = importlib.import_module("taxel.exchange.lerobot_check").problems
+problems = importlib.import_module("lerobot_check").problems
 import_lerobot = importlib.import_module("taxel.exchange.lerobot_read").import_lerobot
 write_lerobot = importlib.import_module("taxel.exchange.lerobot_write").write_lerobot
 DATA = "data/chunk-000/file-000.parquet"

@@ -7,14 +7,11 @@ import pytest
 import torch
 
 from taxel.errors import BadInput
-from taxel.models.backbones.edge import EdgeCnn
-from taxel.models.counting import keras_parameters
-from taxel.models.sequence import HEADS, LstmHead, SelfAttention, TransformerHead, sinusoids
+from taxel.models.sequence import HEADS, LstmHead, SelfAttention, sinusoids
 from taxel.models.transition import (
     PUBLISHED_BY_FRAMES,
     TRANSITION_MODELS,
-    TransitionNetwork,
-    build_transition,
+    split_name,
 )
 
 PAPER = {
@@ -40,14 +37,6 @@ def test_parameters_equal_the_papers_tables_exactly(name: str) -> None:
     assert model.published is not None
     assert model.published.parameters == PAPER[name]
     assert model.name == name
-
-
-def test_the_whole_network_has_the_sum_of_its_parts() -> None:
-    """Counting a network built as one gives the listed number."""
-    with torch.device("meta"):
-        whole = build_transition("densenet121+lstm2")
-
-    assert keras_parameters(whole) == TRANSITION_MODELS["densenet121+lstm2"].parameters
 
 
 def test_ours_stand_beside_the_papers_and_claim_no_published_figure() -> None:
@@ -157,26 +146,10 @@ def test_the_order_of_frames_matters(name: str) -> None:
     assert not torch.allclose(head(windows), head(windows.flip(1)), atol=1e-4)
 
 
-def test_one_backbone_serves_both_sensors_and_all_frames() -> None:
-    """The whole network equals its head over features taken frame by frame."""
-    torch.manual_seed(0)
-    network = TransitionNetwork(EdgeCnn(), TransformerHead(64, frames=3)).eval()
-    images = torch.randint(0, 256, (2, 3, 2, 3, 120, 160), dtype=torch.uint8)
-
-    with torch.no_grad():
-        windows = torch.stack(
-            [
-                torch.stack([network.backbone(images[n, k]).flatten() for k in range(3)])
-                for n in range(2)
-            ]
-        )
-        torch.testing.assert_close(network(images), network.head(windows))
-
-
 @pytest.mark.parametrize("name", ["densenet121", "vgg+lstm", "edge+gru"])
 def test_an_unknown_name_is_refused_in_one_line(name: str) -> None:
     with pytest.raises(BadInput, match="see them with: taxel models"):
-        build_transition(name)
+        split_name(name)
 
 
 def test_published_sizes_hold_the_backbone_twice_and_the_head_once() -> None:

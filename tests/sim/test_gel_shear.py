@@ -17,11 +17,11 @@ from taxel.sim.pour.cup_pour import (
     simulate_pour,
 )
 from taxel.sim.pour.cups import PourRun, draw_cup, draw_run
-from taxel.sim.pour.gel_shear import LayerGels, LayerMoment, contact_of, follow
+from taxel.sim.pour.gel_shear import LayerGels, LayerMoment, contact_of
 from taxel.sim.pour.state import PadHold
 from taxel.sim.pour.views import LayerView, face_shear
 
-FROZEN = {"2": "0c522a5491a15fe294aaf860142827667a599e8481bfdd1cd3e5b31942e47f42"}
+FROZEN = {"2": "3962310a508daa26bff019659272f7de3cf383ba4e6fa7cfdb67df69ad7215b8"}
 """Version → SHA-256 of all constants."""
 VERSION_1 = "9008df3a488fa905659f390c0cea14818dbc5866b640feb6fad56b102b2745fd"
 """SHA-256 of the images that the code before version 2 made of two pours."""
@@ -45,6 +45,11 @@ def hold(x: float = 0.0, y: float = 0.0, turn: float = 0.0, **changed: object) -
 
 def gels(axis_rad: float = 0.2, creep: float = 0.0, **changed: object) -> LayerGels:
     return LayerGels(np.zeros(3), hold(**changed), axis_rad, creep, _SHEAR_STIFFNESS_N_MM3)  # type: ignore[arg-type]
+
+
+def follow(layers: LayerGels, holds: list[PadHold]) -> list[LayerMoment]:
+    """Return the gels at each of the moments, in order."""
+    return [layers.step(hold) for hold in holds]
 
 
 def seen(moment: LayerMoment, side: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -25,7 +25,7 @@ def move(
     patch, solver = thick()
     step = np.concatenate([x - turn * patch.y_mm, y + turn * patch.x_mm])[:, None] / steps
     most = (MU_N * patch.share[:, None]).astype(np.float32)
-    end = StickSlip(np.zeros_like(step, np.float32), np.zeros_like(step, np.float32), 0)
+    end = StickSlip(np.zeros_like(step, np.float32), np.zeros_like(step, np.float32))
     path = np.zeros(len(patch.share))
     for _ in range(steps):
         wanted = solver.compliance @ end.force + step.astype(np.float32)
@@ -112,7 +112,7 @@ def test_unloading_leaves_stress_behind() -> None:
     most = (MU_N * patch.share[:, None]).astype(np.float32)
     count = len(patch.share)
     step = np.append(np.full(count, 0.02), np.zeros(count))[:, None].astype(np.float32)
-    end = StickSlip(step * 0, step * 0, 0)
+    end = StickSlip(step * 0, step * 0)
     for way in [1] * 15 + [-1] * 15:
         wanted = solver.compliance @ end.force + way * step
         end = solver.settle(wanted, most, end.force, end.slip_mm, 1e-6, 2000)

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from taxel.clock import SystemClock
 from taxel.errors import BadSource
 from taxel.frame_codec import decode_jpeg
 from taxel.signals import Frame
@@ -40,7 +39,7 @@ def images() -> tuple[bytes, ...]:
 
 def cameras(left: EmulatedCamera, right: EmulatedCamera | None = None, **options: str) -> Cameras:
     bodies = {"a": left} if right is None else {"a": left, "b": right}
-    return Cameras(",".join(bodies), options, SystemClock(), EmulatedPair(bodies))
+    return Cameras(",".join(bodies), options, EmulatedPair(bodies))
 
 
 def watch(source: Cameras, seconds: float) -> list[Frame]:
@@ -229,7 +228,7 @@ def test_capture_processes_end_with_a_parent_that_is_killed(tmp_path: Path):
         "from taxel.sources.camera_emulation import EmulatedCamera\n"
         "from taxel.sources.cameras.source import Cameras\n"
         "body = EmulatedCamera(images=(b'\\xff\\xd8 \\xff\\xd9',), rate_hz=100)\n"
-        "source = Cameras('a', {}, None, body)\n"
+        "source = Cameras('a', {}, body)\n"
         "print(source._links[0]._process.pid, flush=True)\n"
         "while True:\n    source.read(1.0)\n"
     )

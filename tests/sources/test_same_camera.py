@@ -12,7 +12,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from taxel.clock import SystemClock
 from taxel.sources.camera_emulation import EmulatedCamera
 from taxel.sources.cameras import process
 from taxel.sources.cameras.capture import Buffer, CameraGiven, CameraGone, CameraRequest, another
@@ -163,7 +162,7 @@ def test_what_shows_that_a_camera_is_another(
 
 def test_cameras_that_share_a_serial_number_are_held_to_their_sockets() -> None:
     cheap = EmulatedCamera(images=(LEFT, OTHER), rate_hz=100.0, serial="0001")
-    with Cameras("a,b", {}, SystemClock(), cheap) as two:
+    with Cameras("a,b", {}, cheap) as two:
         assert [link._serial_shared for link in two._links] == [True, True]
-    with Cameras("a", {}, SystemClock(), cheap) as single:
+    with Cameras("a", {}, cheap) as single:
         assert [link._serial_shared for link in single._links] == [False]

@@ -15,7 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
-from taxel.actions.interlock import Interlock, Order, OrderKind
+from taxel.actions.interlock import Order, OrderKind
 from taxel.errors import BadInput
 
 
@@ -193,16 +193,3 @@ def obey(gripper: Gripper, order: Order, force: ForceRange, now_s: float) -> Non
         gripper.hold()
     elif order.kind is OrderKind.STOP:
         gripper.stop()
-
-
-def hear(interlock: Interlock, gripper: Gripper, now_s: float) -> GripperStatus:
-    """Report a gripper that acts alone to the interlock; return the gripper's status.
-
-    Args:
-        interlock: Receives whether the gripper is well, as of when that was read.
-        gripper: A connected gripper. With other actuators beside it use `actuators.hear_all`.
-        now_s: This moment, monotonic seconds.
-    """
-    status = gripper.status()
-    interlock.device(status.ok, min(status.read_s, now_s))
-    return status

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taxel.errors import BadBundle, BadFile, BadInput, MissingExtra, RecordingFailed
+from taxel.errors import BadBundle, BadFile, BadInput, MissingExtra, not_written
 from taxel.foreign.files import read_bytes
 
 if TYPE_CHECKING:
@@ -247,7 +247,7 @@ def _write_new(path: Path, data: bytes, mode: int) -> None:
         raise BadInput("a free name for a new key", f"{path}, which exists",
                        "name another: a key is never replaced") from error  # fmt: skip
     except OSError as error:
-        raise _refused(path, error) from error
+        raise not_written(path, error, "choose another place") from error
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
@@ -255,13 +255,7 @@ def _write_new(path: Path, data: bytes, mode: int) -> None:
             os.fsync(file.fileno())
     except OSError as error:
         path.unlink(missing_ok=True)
-        raise _refused(path, error) from error
-
-
-def _refused(path: Path, error: OSError) -> RecordingFailed:
-    return RecordingFailed(
-        f"needed to write {path}; got {error.strerror or error}; choose another place."
-    )
+        raise not_written(path, error, "choose another place") from error
 
 
 def _no_key(path: Path, needed: str) -> BadInput:

@@ -24,7 +24,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from taxel.bundles.envelope import LARGEST_BYTES
-from taxel.errors import BadInput, RecordingFailed
+from taxel.errors import BadInput, not_written
 from taxel.foreign.files import MIB, sha256_of
 from taxel.foreign.json_text import Fields, read_json
 from taxel.foreign.records import record_of
@@ -267,7 +267,7 @@ def roll_back(path: Path, number: int | None = None) -> Version:
     try:
         shutil.copytree(kept_file, new) if kept_file.is_dir() else shutil.copyfile(kept_file, new)
     except OSError as error:
-        raise _refused(new, error) from error
+        raise not_written(new, error) from error
     history = _with_room(path, history)
     _swap(path, new, history.current, history.versions)
     return target
@@ -289,7 +289,7 @@ def _swap(path: Path, new: Path, number: int, versions: tuple[Version, ...]) -> 
         os.replace(link, kept)
         os.replace(new, path)
     except OSError as error:
-        raise _refused(path, error) from error
+        raise not_written(path, error) from error
 
 
 def settle(path: Path) -> None:
@@ -376,9 +376,3 @@ def _write(path: Path, versions: tuple[Version, ...]) -> None:
 def _clear(path: Path) -> None:
     """Remove what an attempt before left."""
     shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-
-
-def _refused(path: Path, error: OSError) -> RecordingFailed:
-    return RecordingFailed(
-        f"needed to write {path}; got {error.strerror or error}; make room or choose another place."
-    )

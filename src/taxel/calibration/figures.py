@@ -6,22 +6,19 @@ be distinguished by colour-blind readers and in grey print. Knows nothing about 
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from taxel.calibration.curves import Curve
-from taxel.plotting import drawn_name, plt
+from taxel.plotting import drawn_name, finished, plt
 
-_DPI = 110
 _ACROSS = 4
 _UP, _DOWN, _GREY, _RED = "#4477aa", "#ee8844", "#9aa3ad", "#bb3344"
 
@@ -50,7 +47,7 @@ def curves(document: Document) -> bytes:
         Rectangle((0, 0), 1, 1, color="#e3ecd9", label="forces in its range"),
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=4, fontsize=8, frameon=False)
-    return _png(figure)
+    return finished(figure)
 
 
 def _curve(axes: Axes, entry: Mapping[str, Any], form: str) -> None:
@@ -101,7 +98,7 @@ def errors_by_force(document: Document) -> bytes:
     axes.grid(alpha=0.25)
     axes.legend(fontsize=8, frameon=False)
     axes.set_title("presses held out, all sensors", fontsize=9, loc="left")
-    return _png(figure)
+    return finished(figure)
 
 
 def uniformity(document: Document) -> bytes:
@@ -133,7 +130,7 @@ def uniformity(document: Document) -> bytes:
         axes.locator_params(axis="x", nbins=4)
     grid[0][0].set_yticks(place, names, fontsize=8)
     grid[0][0].invert_yaxis()
-    return _png(figure)
+    return finished(figure)
 
 
 def _about(result: Mapping[str, Any]) -> str:
@@ -165,7 +162,7 @@ def ghosts(document: Document) -> bytes:
     axes.set_xlabel("shows it", fontsize=8)
     axes.set_ylabel("pressed", fontsize=8)
     figure.colorbar(shown, ax=axes, label="% of the pressed sensor", shrink=0.8)
-    return _png(figure)
+    return finished(figure)
 
 
 def rest(document: Document) -> bytes:
@@ -204,15 +201,8 @@ def rest(document: Document) -> bytes:
         axes.tick_params(labelsize=7.5)
         axes.grid(axis="x", alpha=0.25)
         axes.spines[["top", "right"]].set_visible(False)
-    return _png(figure)
+    return finished(figure)
 
 
 def _numbers(values: Sequence[float | None]) -> NDArray[np.float64]:
     return np.array([math.nan if value is None else float(value) for value in values])
-
-
-def _png(figure: Figure) -> bytes:
-    raw = io.BytesIO()
-    figure.savefig(raw, format="png", dpi=_DPI)
-    plt.close(figure)
-    return raw.getvalue()

@@ -8,6 +8,8 @@ writes to the output (tests/test_plain_text.py).
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rich.progress import Progress
@@ -53,6 +55,14 @@ def print_json(data: Any, indent: int | None = 1) -> None:
 def progress() -> Progress:
     """Return a progress bar on the error stream; a line now and then where that is no terminal."""
     return progress_on(error_console())
+
+
+@contextmanager
+def counted(what: str, total: int | None = None) -> Iterator[Callable[[int, int], None]]:
+    """Show a progress bar over work that calls what is given with steps done and in all."""
+    with progress() as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda done, of: bar.update(task, completed=done, total=of)
 
 
 def _line(parts: tuple[object, ...]) -> str:

@@ -97,9 +97,7 @@ class OwnEpisode:
 class ForeignEpisode:
     """An episode of somebody else's: its state and images at times of frame over rate."""
 
-    def __init__(
-        self, info: Info, row: Mapping[str, Any], tasks: Sequence[str], first: pa.RecordBatch
-    ) -> None:
+    def __init__(self, info: Info, row: Mapping[str, Any], tasks: Sequence[str]) -> None:
         self._info, self._tasks = info, tasks
         self._key = state_key(info)
         self._task: list[tuple[float, str]] = []

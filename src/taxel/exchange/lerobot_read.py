@@ -226,9 +226,7 @@ def _write_episode(
         manifest = from_record(_texts(ours))
         episode: OwnEpisode | ForeignEpisode = OwnEpisode(manifest, row)
     else:
-        first = next(parts)
-        episode = ForeignEpisode(info, row, tasks, first)
-        parts = _again(first, parts)
+        episode = ForeignEpisode(info, row, tasks)
     recorder = Recorder(path, episode.manifest)
     try:
         for part in parts:
@@ -243,11 +241,6 @@ def _write_episode(
     except BaseException:
         recorder.discard()
         raise
-
-
-def _again(first: pa.RecordBatch, others: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
-    yield first
-    yield from others
 
 
 def _texts(text: str) -> dict[str, str]:

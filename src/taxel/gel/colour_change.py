@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadSource
-from taxel.gel.markers import Rgb, check_rgb, relative_brightness
+from taxel.gel.markers import Rgb, check_like, check_rgb, relative_brightness
 
 _WIDTH = 320
 """Pixels a row at which the smoothing below is meant."""
@@ -37,14 +36,8 @@ def colour_change(rgb: Rgb, reference: Rgb) -> NDArray[np.float32]:
     Raises:
         BadSource: Shapes differ, or are none of colour images.
     """
-    check_rgb(rgb)
     check_rgb(reference)
-    if rgb.shape != reference.shape:
-        raise BadSource(
-            f"frames of shape {reference.shape}, as the reference",
-            f"{rgb.shape}",
-            "give both from one camera",
-        )
+    check_like(rgb, reference.shape)
     now, before = _smooth(rgb), _smooth(reference)
     ratio = cv2.divide(now, before)
     exposure = np.median(ratio[::8, ::8].reshape(-1, 3), axis=0)

@@ -14,8 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadSource
-from taxel.gel.markers import Rgb, brightest, check_rgb, relative_brightness
+from taxel.gel.markers import Rgb, brightest, check_like, check_rgb, relative_brightness
 
 _WORK_WIDTH = 160
 """Pixels a row at which change is judged: finer is noise, and four times the work."""
@@ -89,13 +88,7 @@ class ContactFinder:
         Raises:
             BadSource: The frame has another shape than the reference.
         """
-        check_rgb(rgb)
-        if rgb.shape != self._shape:
-            raise BadSource(
-                f"frames of shape {self._shape}, as the reference",
-                f"{rgb.shape}",
-                "give both from one camera",
-            )
+        check_like(rgb, self._shape)
         small = self._small(rgb)
         bare = _without_ink(small, self._ink | ink_mask(small))
         ratio = np.asarray(cv2.divide(bare, self.reference), np.float32)

@@ -120,6 +120,20 @@ def check_rgb(rgb: Rgb) -> None:
         )
 
 
+def check_like(rgb: Rgb, shape: tuple[int, ...]) -> None:
+    """Refuse what is no RGB image, or not of the reference's shape.
+
+    Raises:
+        BadSource: It is not.
+    """
+    check_rgb(rgb)
+    if rgb.shape != shape:
+        raise BadSource(
+            f"frames of shape {shape}, as the reference", f"{rgb.shape}",
+            "give both from one camera",
+        )  # fmt: skip
+
+
 def relative_brightness(rgb: Rgb, closing_px: int) -> NDArray[np.float32]:
     """Return each pixel's brightness against its surroundings, dots filled in.
 

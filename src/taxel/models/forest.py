@@ -74,7 +74,7 @@ class CourseForest(nn.Module):
         factors = enlarging(features.numpy())
         trees.fit(enlarged(features.numpy(), factors), copy_y)
         tables = tables_of(trees, self._classes)
-        tables["threshold"] = _floor32(tables["threshold"] / factors[tables["column"]])
+        tables["threshold"] = floor32(tables["threshold"] / factors[tables["column"]])
         for name, table in tables.items():
             setattr(self, name, torch.from_numpy(table))
 
@@ -154,7 +154,7 @@ def tables_of(trees: Any, classes: int) -> dict[str, NDArray[Any]]:
         share = np.zeros((tree.node_count, classes), np.float32)
         share[:, np.asarray(trees.classes_)] = tree.value[:, 0]
         parts["column"].append(np.where(leaf, 0, tree.feature).astype(np.int64))
-        parts["threshold"].append(_floor32(tree.threshold))
+        parts["threshold"].append(floor32(tree.threshold))
         parts["left"].append((np.where(leaf, own, tree.children_left) + offset).astype(np.int64))
         parts["right"].append((np.where(leaf, own, tree.children_right) + offset).astype(np.int64))
         parts["leaf"].append(share / share.sum(axis=1, keepdims=True))
@@ -165,7 +165,8 @@ def tables_of(trees: Any, classes: int) -> dict[str, NDArray[Any]]:
     return {**tables, "depth": np.array([depth], np.int64)}
 
 
-def _floor32(values: NDArray[np.float64]) -> NDArray[np.float32]:
+def floor32(values: NDArray[np.float64]) -> NDArray[np.float32]:
     """Return the largest float32 not above each value: x ≤ t stays true for the same x."""
-    near = values.astype(np.float32)
+    with np.errstate(over="ignore"):
+        near = values.astype(np.float32)
     return np.where(near > values, np.nextafter(near, np.float32(-np.inf)), near).astype(np.float32)

@@ -13,11 +13,9 @@ from dataclasses import dataclass
 from functools import cache
 
 import torch
-from torch import Tensor, nn
 
 from taxel.errors import BadInput
 from taxel.models.backbones.catalogue import find_backbone
-from taxel.models.backbones.keras_layers import Top
 from taxel.models.counting import keras_parameters
 from taxel.models.sequence import find_head
 
@@ -73,48 +71,6 @@ class TransitionModel:
         """
         numbers = backbones * _count_backbone(self.backbone)
         return (numbers + _count_head(self.head, self.backbone)) * 4 / 2**20
-
-
-class TransitionNetwork(nn.Module):
-    """Both parts as one, for training from end to end.
-
-    Args:
-        backbone: forward(images (n, 3, h, w), 0 to 255) → (n, features).
-        head: forward(windows (n, k, 2 · features)) → logits (n,).
-    """
-
-    def __init__(self, backbone: nn.Module, head: nn.Module) -> None:
-        super().__init__()
-        self.backbone = backbone
-        self.head = head
-
-    def forward(self, images: Tensor) -> Tensor:
-        """Return logits, shape (n,).
-
-        Args:
-            images: Shape (n, k, 2, 3, h, w), R G B, 0 to 255; oldest frame first.
-        """
-        n, frames, sensors = images.shape[:3]
-        features = self.backbone(images.flatten(0, 2))
-        logits: Tensor = self.head(features.reshape(n, frames, sensors * features.shape[1]))
-        return logits
-
-
-def build_transition(name: str, top: Top = "logits", frames: int = FRAMES) -> TransitionNetwork:
-    """Return a network by name, with weights as they come.
-
-    Args:
-        name: A name in `TRANSITION_MODELS`, or any backbone+head.
-        top: What a 1000-way top gives.
-        frames: k, frames in a window.
-
-    Raises:
-        BadInput: There is no such backbone or head.
-    """
-    backbone_name, head_name = split_name(name)
-    backbone = find_backbone(backbone_name)
-    head = find_head(head_name)
-    return TransitionNetwork(backbone.build(top), head.build(backbone.features, frames))
 
 
 def split_name(name: str) -> tuple[str, str]:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
 
-from taxel.errors import BadInput, BadTable, RecordingFailed
+from taxel.errors import BadInput, BadTable, RecordingFailed, not_written
 from taxel.held import MADE, REPLACED, scratch_folder
 
 
@@ -67,10 +67,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     except RecordingFailed:
         raise
     except OSError as error:
-        raise RecordingFailed(
-            f"needed to write {path}; got {error.strerror or error}; "
-            "make room or choose another place."
-        ) from error
+        raise not_written(path, error) from error
 
 
 @contextmanager
@@ -134,9 +131,7 @@ def fresh_folder(path: Path) -> Iterator[Path]:
     except RecordingFailed:
         raise
     except OSError as error:
-        raise RecordingFailed(
-            f"needed to write {path}; got {error.strerror or error}; choose another place."
-        ) from error
+        raise not_written(path, error, "choose another place") from error
 
 
 def _check_replaceable(

@@ -58,22 +58,22 @@ def _open_serial(name: str, options: dict[str, str], clock: Clock) -> Source:
     return SerialBoards(name, options, clock)
 
 
-def _open_camera(name: str, options: dict[str, str], clock: Clock) -> Source:
+def _open_camera(name: str, options: dict[str, str], _clock: Clock) -> Source:
     try:
         from taxel.sources.cameras.source import Cameras
     except ModuleNotFoundError as error:
         raise MissingExtra(error.name or "cv2", "camera", "tactile cameras") from error
 
-    return Cameras(name, options, clock)
+    return Cameras(name, options)
 
 
-def _open_realsense(name: str, options: dict[str, str], clock: Clock) -> Source:
+def _open_realsense(name: str, options: dict[str, str], _clock: Clock) -> Source:
     try:
         from taxel.sources.cameras.realsense import RealSense
     except MissingExtra as error:  # its extra brings what any camera needs, too
         raise MissingExtra(error.package, "realsense", "RealSense cameras") from error
 
-    return RealSense(name, options, clock)
+    return RealSense(name, options)
 
 
 SCHEMES: dict[str, Callable[[str, dict[str, str], Clock], Source]] = {

@@ -29,7 +29,7 @@ from taxel.bundles.contract import (
     fingerprint_of,
 )
 from taxel.bundles.trials import IN_RUN
-from taxel.errors import BadInput, RecordingFailed, TaxelError
+from taxel.errors import BadInput, TaxelError, not_written
 from taxel.foreign.json_text import Fields, read_json
 from taxel.foreign.records import record_of
 from taxel.models.blend import EXPERT, Blend
@@ -118,10 +118,7 @@ def save_run(folder: Path | str, run: Run) -> None:
     except TaxelError:
         raise
     except OSError as error:
-        raise RecordingFailed(
-            f"needed to write {folder}; got {error.strerror or error}; "
-            "make room or choose another place."
-        ) from error
+        raise not_written(folder, error) from error
 
 
 def save_at_level(folder: Path, run: Run, level: NDArray[np.float32]) -> None:

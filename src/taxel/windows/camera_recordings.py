@@ -184,6 +184,18 @@ def check_order(pours: Sequence[CameraRecording]) -> None:
             )  # fmt: skip
 
 
+def camera_images(pour: CameraRecording, camera: int) -> Iterator[NDArray[np.uint8]]:
+    """Yield every image of one camera, decoding each different one once in a row."""
+    from taxel.frame_codec import decode_jpeg
+
+    last: tuple[bytes, NDArray[np.uint8]] | None = None
+    for found in frame_sets(pour.path, len(pour.cameras)):
+        jpeg = found.frames[camera].jpeg
+        if last is None or last[0] != jpeg:
+            last = (jpeg, decode_jpeg(jpeg, pour.cameras[camera]))
+        yield last[1]
+
+
 def frame_sets(path: Path | str, cameras: int) -> Iterator[FrameSet]:
     """Yield sets of a recording's tactile frames, oldest first, in constant memory."""
     return join_frames(iterate_tactile(path), cameras)

@@ -10,6 +10,7 @@ import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadTable
-from taxel.frame_codec import decode_jpeg, encode_jpeg
+from taxel.frame_codec import encode_jpeg
 from taxel.recordings.imports.footage import IMAGES, VIDEOS, open_footage
 from taxel.recordings.imports.known import KNOWN_VIDEOS
 from taxel.recordings.imports.table_columns import read_cells
@@ -27,7 +28,7 @@ from taxel.recordings.reader import list_recordings, read_manifest
 from taxel.sim.pour.state import has_truth
 from taxel.windows.camera_recordings import (
     CameraRecording,
-    frame_sets,
+    camera_images,
     image_size,
     read_camera_recordings,
 )
@@ -206,14 +207,6 @@ def _of_pour(pour: CameraRecording) -> CameraTrial:
             "record each trial apart, or export the videos and cut them",
         )
 
-    def read(camera: int) -> Iterator[Image]:
-        last: tuple[bytes, Image] | None = None
-        for found in frame_sets(pour.path, len(pour.cameras)):
-            jpeg = found.frames[camera].jpeg
-            if last is None or last[0] != jpeg:
-                last = jpeg, decode_jpeg(jpeg, pour.cameras[camera])
-            yield last[1]
-
     width, height = image_size([pour])
     first = pour.cameras[0]
     return CameraTrial(
@@ -228,6 +221,6 @@ def _of_pour(pour: CameraRecording) -> CameraTrial:
         mm_per_px=first.mm_per_px,
         digest=pour.digest,
         recorded=True,
-        read=read,
+        read=partial(camera_images, pour),
         slip_um=pour.beside[:, 0] if has_truth(pour.sensor.channels) else None,
     )

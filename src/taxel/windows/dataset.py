@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -201,7 +201,7 @@ def load_dataset(
         spans[file.stem] = ends[0], ends[1]
         own = trials_of(file, recording.manifest, recording.marks, *spans[file.stem])
         windows = cut_windows(recording.samples, config, recording.manifest.sensor)
-        owner = _owners(windows, own)
+        owner = owners_of(windows, own)
         wanted = np.array([_matches(trial, where or {}) for trial in own], bool)
         outside += int((owner < 0).sum())
         kept = (owner >= 0) & wanted[owner]
@@ -357,7 +357,7 @@ def _stale(windows: Windows, samples: Samples, config: WindowConfig, sensor: Sen
     return int(np.isin(windows.start_s[bad], ageless.start_s[ageless.ready]).sum())
 
 
-def _owners(windows: Windows, trials: list[Trial]) -> NDArray[np.intp]:
+def owners_of(windows: Windows, trials: Sequence[Trial]) -> NDArray[np.intp]:
     """Return the trial that each window lies in as a whole, or -1, shape (n,)."""
     starts = np.array([trial.start_s for trial in trials]) - _TIME_SLACK_S
     ends = np.array([trial.end_s for trial in trials]) + _TIME_SLACK_S

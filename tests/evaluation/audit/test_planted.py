@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from taxel.bench.audit.leaks import alarms
 from taxel.bench.audit.plants import PLANTS, Plant
 from taxel.evaluation.audit.audit import audit
+from taxel.evaluation.audit.finding import Audit
 from taxel.evaluation.audit.sides import named_sides
 from taxel.evaluation.audit.touch_set import TouchSet, usual_steps
 
@@ -15,6 +15,11 @@ KNOWN_OTHERWISE = {
     "augmented copies", "duplicates", "near-duplicates", "same session", "same object",
 }  # fmt: skip
 """Leaks that are seen from the recordings themselves: of few copies the label need not follow."""
+
+
+def alarms(result: Audit) -> set[str]:
+    """Return the kinds of all alarms."""
+    return {alarm.kind for alarm in result.alarms}
 
 
 @pytest.mark.parametrize("plant", PLANTS, ids=lambda plant: plant.make.__name__.strip("_"))

@@ -96,11 +96,6 @@ def real_leaks(data: Path | None) -> list[Row]:
     return rows
 
 
-def alarms(result: Audit) -> set[str]:
-    """Return the kinds of all alarms."""
-    return {alarm.kind for alarm in result.alarms}
-
-
 def new_alarms(spoilt: Audit, clean: Sequence[Audit]) -> set[str]:
     """Return the kinds of the alarms that are worse than in each audit of the clean recordings."""
     before = [(finding.kind, finding.verdict) for audit in clean for finding in audit.findings]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import beta
 
 from taxel.errors import BadInput
+from taxel.evaluation.early_warning.events import share_of
 from taxel.evaluation.intervals import Interval, ratio_interval
 from taxel.live.closed_loop import LoopTrack
 
@@ -108,11 +109,11 @@ def score_loops(cases: Sequence[LoopCase], seed: int = 0) -> LoopScores:
         drops=sum(case.bare.dropped for case in cases),
         preventable=int(preventable.sum()),
         prevented=int(prevented.sum()),
-        prevented_share=_share(prevented, preventable),
+        prevented_share=share_of(prevented, preventable),
         prevented_interval=_interval(cups, prevented, preventable, seed),
         holds=int(holds.sum()),
         needless=int(needless.sum()),
-        needless_share=_share(needless, holds),
+        needless_share=share_of(needless, holds),
         needless_interval=_interval(cups, needless, holds, seed),
         slides=int(slides.sum()),
         slides_raised=int((slides & raised).sum()),
@@ -122,10 +123,6 @@ def score_loops(cases: Sequence[LoopCase], seed: int = 0) -> LoopScores:
         full_force_n=_mean(cases, lambda case: case.full),
         slip_to_raise_s=_slip_to_raise_s(cases),
     )
-
-
-def _share(part: NDArray[np.bool_], whole: NDArray[np.bool_]) -> float:
-    return float(part.sum() / whole.sum()) if whole.any() else float("nan")
 
 
 def _mean(cases: Sequence[LoopCase], which: Callable[[LoopCase], LoopTrack]) -> float:

@@ -16,20 +16,16 @@ from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 
-import numpy as np
-
-from taxel.bench.faults.quiet_station import STILL, paired_ratios
+from taxel.bench.faults.quiet_station import STILL, lost_frames, spells_ms, spells_row
 from taxel.bench.real_mosquitto import free_port
 from taxel.bench.rows import Row, missing, row
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.live.station.station import Station
 from taxel.live.station.wiring import StationConfig
 
-_SPELLS = (False, True, True, False)
-"""Whether the subscriber is stopped, spell by spell."""
-_PAIRS, _SPELL_S, _STOPPED_S = 4, 1.0, 8.0
-"""How often those follow each other, how long each is measured, and how long it is stopped at the
-end, seconds. Source: our choice, as for a stopped page (`faults.slow_page_rows`)."""
+_STOPPED_S = 8.0
+"""How long the subscriber is stopped at the end, seconds. Source: our choice, as for a stopped
+page (`faults.slow_page_rows`)."""
 _SUBSCRIBER = """
 import sys
 from taxel.bus.zenoh_reader import BusReader
@@ -51,7 +47,6 @@ def bus_rows() -> list[Row]:
     from taxel.bus.zenoh_publisher import ZenohPublishing, publish
 
     url = f"zenoh://127.0.0.1:{free_port()}/bench"
-    spells: list[float] = []
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         config = StationConfig(sources=(STILL,), bundles=(shipped_bundle(CUP_POUR),))
         with ExitStack() as stack:
@@ -64,31 +59,19 @@ def bus_rows() -> list[Row]:
             subscriber = stack.enter_context(Subscriber(url))
             station.record(Path(scratch) / "all.mcap", {})
             station.run(_READY_S, subscriber.hears)
-            for stopped in _SPELLS * _PAIRS:
-                subscriber.signal(signal.SIGSTOP if stopped else signal.SIGCONT)
-                station.run(_SPELL_S / 5)
-                station.latencies.clear()
-                station.run(_SPELL_S)
-                spells.append(float(np.median(station.latencies.whole_ms())))
+            spells = spells_ms(station, subscriber.signal)
             subscriber.signal(signal.SIGSTOP)
             station.run(_STOPPED_S)
             subscriber.signal(signal.SIGKILL)
             alarms = [a.text for a in station.guard.alarms.alarms if "publisher" in a.text]
-        ledger = station.ledger()
-        recorded = station.recording["ledger"]["cameras"]
-    lost = sum(camera["lost_frames"] for camera in recorded.values())
-    lost += ledger["recorder"]["dropped"] + ledger["monitor"]["dropped"]
-    over, alike = paired_ratios(spells)
+        lost, ledger = lost_frames(station), station.ledger()
     return [
         row(f"bus subscriber stopped for {_STOPPED_S:g} s: frames lost by source, monitor or "
             "recorder", lost, "frames", "<=", 0.0, f"{ledger['source']['produced']} messages made; "
             f"the publisher missed {ledger['publisher']['dropped']}"),
         row("bus subscriber stopped: alarms about the publisher", len(alarms), "alarms", "<=", 0.0,
             "; ".join(alarms)),
-        row(_RATIO, float(np.median(over)), "ratio", "<=", 1.1,
-            f"median of {len(over)} neighbouring spells of {_SPELL_S:g} s, {min(over):.2f} to "
-            f"{max(over):.2f}; two alike, next to each other: {np.median(alike):.2f}, "
-            f"{min(alike):.2f} to {max(alike):.2f}; {np.median(spells):.1f} ms"),
+        spells_row(_RATIO, spells),
     ]  # fmt: skip
 
 

@@ -75,7 +75,7 @@ def _open(
         names[0]: EmulatedCamera(images=images[0], rate_hz=RATE_HZ),
         names[1]: EmulatedCamera(images=images[1], rate_hz=RATE_HZ, faults=faults),
     }
-    return Cameras(",".join(names), {}, None, EmulatedPair(bodies))
+    return Cameras(",".join(names), {}, EmulatedPair(bodies))
 
 
 def _fault(kind: FaultKind) -> CameraFault:

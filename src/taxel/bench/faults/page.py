@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from taxel.bench.faults.catalogue import FAULTS, Fault
+from taxel.bench.faults.catalogue import FAULTS
 from taxel.bench.rows import Row, commit, today
 from taxel.recordings.whole import write_whole
 
@@ -64,12 +64,6 @@ def write_fault_page(path: Path, rows: Sequence[Row]) -> None:
         RecordingFailed: The disk refused.
     """
     write_whole(path, fault_page(rows))
-
-
-def unmeasured(rows: Sequence[Row], faults: Sequence[Fault] = FAULTS) -> list[str]:
-    """Return the row names that faults refer to and no row answers."""
-    names = [name for fault in faults for name in (*fault.found, *fault.lost)]
-    return [name for name in names if not _matching(name, rows)]
 
 
 def _cell(names: Sequence[str], rows: Sequence[Row]) -> _Cell:

@@ -25,7 +25,7 @@ from taxel.bundles.avr.integers import (
 from taxel.bundles.avr.quantise import ADC_BITS, Converter
 from taxel.bundles.contract import Contract
 from taxel.decisions.recognition import RecogniseConfig
-from taxel.errors import BadBundle, RecordingFailed
+from taxel.errors import BadBundle, not_written
 
 _RUNTIME = Path(__file__).with_name("runtime")
 RUNTIME = ("taxel_cnn.h", "taxel_cnn.c", "taxel_window.h", "taxel_window.c")
@@ -139,10 +139,7 @@ def write_c(
         for name, text in texts.items():
             (folder / name).write_text(text)
     except OSError as error:
-        raise RecordingFailed(
-            f"needed to write {folder}; got {error.strerror or error}; "
-            "make room or choose another place."
-        ) from error
+        raise not_written(folder, error) from error
     return [folder / name for name in texts]
 
 

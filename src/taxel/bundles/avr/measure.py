@@ -1,4 +1,4 @@
-"""Compile the C and run it: on this machine, and on an emulated ATmega2560 whose clocks count.
+"""Compile the C and run it on an emulated ATmega2560, whose clocks count.
 
 The emulator's program lies in `firmware/teng_classify/emulate` of a checkout and links libsimavr,
 which is under the GPL: it runs as a process of its own. Knows nothing about bundles or accuracy.
@@ -6,7 +6,6 @@ which is under the GPL: it runs as a process of its own. Knows nothing about bun
 
 from __future__ import annotations
 
-import ctypes
 import shutil
 import subprocess
 import tempfile
@@ -31,10 +30,6 @@ _AVR = ("-mmcu=atmega2560", "-DF_CPU=16000000UL", "-Os", *_STRICT)
 """-Os is what the Arduino IDE compiles with."""
 
 
-class _Answer(ctypes.Structure):
-    _fields_ = (("best", ctypes.c_uint8), ("confidence", ctypes.c_uint8))
-
-
 @dataclass(frozen=True, slots=True)
 class OnBoard:
     """What an emulated ATmega2560 did."""
@@ -53,11 +48,6 @@ class OnBoard:
         return 1000.0 * int(self.clocks.max()) / CLOCK_HZ
 
 
-def without_host() -> str:
-    """Return why C cannot be compiled for this machine; empty where it can."""
-    return "" if shutil.which("gcc") else "no gcc: apt install gcc"
-
-
 def without_board() -> str:
     """Return why no board can be emulated here; empty where one can."""
     if not HARNESS.is_dir():
@@ -66,51 +56,6 @@ def without_board() -> str:
     if libraries and all(shutil.which(tool) for tool in ("gcc", "avr-gcc", "avr-size")):
         return ""
     return f"no emulator: apt install {AVR_PACKAGES}"
-
-
-def run_on_host(folder: Path, counts: NDArray[np.uint16], classes: int) -> BoardAnswers:
-    """Return what the C that `write_c` wrote says on this machine.
-
-    Args:
-        folder: With the C.
-        counts: Windows, shape (n, rows, columns).
-        classes: How many there are.
-
-    Raises:
-        BadInput: There is no gcc, or it refuses the C.
-        OverflowError: A sum left 24 bits.
-    """
-    c = host_library(folder)
-    logits = (ctypes.c_int32 * classes).in_dll(c, "taxel_logits")
-    every = np.zeros((len(counts), 2 + classes), np.int64)
-    wide = np.ascontiguousarray(counts, np.uint16)
-    for number, window in enumerate(wide):
-        for row in range(window.shape[0]):
-            c.taxel_set_row(ctypes.c_uint8(row), ctypes.c_void_p(window[row].ctypes.data))
-        answer = c.taxel_classify()
-        every[number] = answer.best, answer.confidence, *logits
-    if overflows := ctypes.c_uint32.in_dll(c, "taxel_overflows").value:
-        raise OverflowError(f"{number_of(overflows, 'sum')} left 24 bits")
-    return _answers(every)
-
-
-def host_library(folder: Path) -> ctypes.CDLL:
-    """Return the C that `write_c` wrote, compiled for this machine; loaded, and gone from the disk.
-
-    Raises:
-        BadInput: There is no gcc, or it refuses the C.
-    """
-    if missing := without_host():
-        raise BadInput("a C compiler", missing, "install it")
-    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
-        library = Path(scratch) / "network.so"
-        sources = [str(folder / name) for name in ("taxel_cnn.c", "taxel_window.c")]
-        _compile(["gcc", "-O2", *_STRICT, "-shared", "-fPIC", "-o", str(library), *sources])
-        c = ctypes.CDLL(str(library))
-    for name in ("taxel_self_check", "taxel_window_push", "taxel_doubt"):
-        getattr(c, name).restype = ctypes.c_uint8
-    c.taxel_classify.restype = _Answer
-    return c
 
 
 def run_on_board(
@@ -151,17 +96,12 @@ def run_on_board(
     every = np.array(rows, np.int64)
     text, data, bss = (int(size) for size in sizes[:3])
     return OnBoard(
-        answers=_answers(np.delete(every, (2, 3), axis=1)),
+        answers=BoardAnswers(
+            every[:, 0].astype(np.intp), every[:, 1].astype(np.uint8), every[:, 4:].astype(np.int32)
+        ),
         clocks=every[:, 2],
         flash_bytes=text + data,
         ram_bytes=data + bss + int(every[:, 3].max()),
-    )
-
-
-def _answers(every: NDArray[np.int64]) -> BoardAnswers:
-    """Return answers of rows (best, confidence, logits…)."""
-    return BoardAnswers(
-        every[:, 0].astype(np.intp), every[:, 1].astype(np.uint8), every[:, 2:].astype(np.int32)
     )
 
 

@@ -142,7 +142,7 @@ def write_avr(
     converter = Converter(reference_mv=reference_mv or reference_of(dataset.sensor))
     window = board_window(contract, converter, dataset.sensor.full_scale)
     integers = quantise(network, contract.scaling, converter, dataset.windows.values)
-    check = converter.counts(dataset.windows.values[_clearest(opened, dataset)])
+    check = converter.counts(dataset.windows.values[_clearest(dataset)])
     files = write_c(output, integers, window, converter, contract, check)
     tested = load_at_level(test or calibration, contract, target=contract.target)
     report = _report(opened, network, integers, converter, tested, files)
@@ -186,7 +186,7 @@ def _volts(text: str) -> float:
     return volts if 0 < volts < _LARGEST_MV / 1000 else 0.0
 
 
-def _clearest(bundle: Bundle, known: Dataset) -> int:
+def _clearest(known: Dataset) -> int:
     """Return the window with the largest values: the one that a board checks itself with."""
     return int(known.windows.values.sum(axis=(1, 2)).argmax())
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import tyro
 
 from taxel.cli.options.rules import Only
-from taxel.cli.printing import command, print_json, progress, say, say_aside
+from taxel.cli.printing import command, counted, print_json, say, say_aside
 from taxel.cli.recordings.export.need import need_packages
 from taxel.errors import BadInput, MissingExtra
 from taxel.plain_text import number_of, visible
@@ -129,11 +129,8 @@ class Import:
         """Import everything, or nothing at all."""
         files: list[FileFacts] = []
         earlier = [path.name for path in sorted(self.output.glob("*.mcap"))]
-        with progress() as bars:
-            bar = bars.add_task("importing", total=None)
-            made, notes = self._import(
-                lambda done, of: bars.update(bar, completed=done, total=of), files.append
-            )
+        with counted("importing") as progress:
+            made, notes = self._import(progress, files.append)
         notes += _gone_note(earlier, made)
         if self.json:
             print_json({"recordings": [str(path) for path in made],

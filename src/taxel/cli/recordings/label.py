@@ -11,7 +11,7 @@ from rich.table import Table
 
 from taxel.cli.figure_files import need_figures
 from taxel.cli.options.rules import Only
-from taxel.cli.printing import command, console, print_json, progress, say
+from taxel.cli.printing import command, console, counted, print_json, progress, say
 from taxel.errors import BadInput
 from taxel.plain_text import number_of, visible, visible_line
 from taxel.recordings.whole import write_whole
@@ -121,12 +121,10 @@ class Label:
         from taxel.labels.marking import mark_recordings
         from taxel.recordings.imports.spelling import look_alikes
 
-        with progress() as bar:
-            task = bar.add_task("labelling", total=None)
+        with counted("labelling") as show:
             marked = mark_recordings(
-                self.path, intervals, output, overwrite=self.overwrite,
-                progress=lambda done, of: bar.update(task, completed=done, total=of),
-            )  # fmt: skip
+                self.path, intervals, output, overwrite=self.overwrite, progress=show
+            )
         notes = [*look_alikes("label", (mark.labels for mark in marked.marks)),
                  *look_alikes("group", (mark.groups for mark in marked.marks))]  # fmt: skip
         if marked.replaced:

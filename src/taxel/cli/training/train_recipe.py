@@ -11,7 +11,7 @@ from taxel.cli.cross_validation import print_checked, warning
 from taxel.cli.options.arrays import check_run_folder
 from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import command, print_json, progress, say, say_aside
-from taxel.errors import BadInput, RecordingFailed, TaxelError
+from taxel.errors import BadInput, TaxelError, not_written
 from taxel.plain_text import number_of, visible_names
 
 if TYPE_CHECKING:
@@ -70,10 +70,7 @@ def train_recipe(training: RecipeTraining) -> None:
         except TaxelError:
             raise
         except OSError as error:
-            raise RecordingFailed(
-                f"needed to write {output}; got {error.strerror or error}; "
-                "choose another place with --output."
-            ) from error
+            raise not_written(output, error, "choose another place with --output") from error
     if training.json:
         print_json(_as_json(training, run, checked, replaced=replaced))
     else:

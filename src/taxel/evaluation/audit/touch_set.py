@@ -240,7 +240,7 @@ def honest_key(touch: TouchSet) -> str | None:
     dealt out anew in too few ways to be sure of anything.
     """
     others = [key for key in sorted(touch.trials[0].groups) if key not in SESSIONS + OBJECTS]
-    for key in touch.keys((*SESSIONS, *OBJECTS, *_files_of_several(touch, others))):
+    for key in touch.keys((*SESSIONS, *OBJECTS, *_files_of_several(others))):
         groups = touch.group(key)
         if groups is None or len(set(groups)) > 0.75 * len(touch):
             continue
@@ -253,7 +253,7 @@ def honest_key(touch: TouchSet) -> str | None:
     return None
 
 
-def _files_of_several(touch: TouchSet, keys: list[str]) -> tuple[str, ...]:
+def _files_of_several(keys: list[str]) -> tuple[str, ...]:
     """Return groups that name files or runs of several trials."""
     known = ("run", "file", "recording")
     return tuple(key for key in known if key in keys)

@@ -68,7 +68,7 @@ def crop_features(
         files = [cache / "probe" / e.key / f"{trial.digest[:32]}.npy" for e in extractors]
         stored = [load_kept(f, e.features) for f, e in zip(files, extractors, strict=True)]
         lacking = [at for at, values in enumerate(stored) if values is None]
-        images = _images(trial) if lacking else []
+        images = crop_images(trial) if lacking else []
         for at in lacking:
             rows = np.concatenate(
                 [_look(extractors[at], own) for camera in images for own in camera]
@@ -99,7 +99,7 @@ def network_features(module: nn.Module, videos: Sequence[TouchVideo]) -> NDArray
     return np.stack(found)
 
 
-def _images(trial: CameraTrial) -> list[list[list[Image]]]:
+def crop_images(trial: CameraTrial) -> list[list[list[Image]]]:
     """Return the images that are looked at: a list a camera, in it one a crop."""
     chosen = chosen_frames(trial.frames, trial.rate_hz)
     found = []

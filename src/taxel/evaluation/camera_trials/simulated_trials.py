@@ -21,6 +21,7 @@ from torch import nn
 from taxel.evaluation.camera_trials.probe import Rows, pooled
 from taxel.evaluation.camera_trials.probe_features import (
     crop_features,
+    crop_images,
     gel_features,
     network_features,
 )
@@ -309,12 +310,7 @@ def real_rows(
         file = cache / f"{trial.digest[:32]}-touch.npy"
         rows = load_kept(file, WIDTHS[TOUCH])
         if rows is None:
-            chosen = chosen_frames(trial.frames, trial.rate_hz)
-            eight = []
-            for camera in range(len(trial.cameras)):
-                images = trial.images(camera, chosen.ravel().tolist())
-                eight.append([[images[at] for at in own] for own in chosen.tolist()])
-            rows = touch_rows(eight, module)
+            rows = touch_rows(crop_images(trial), module)
             save_kept(file, rows)
         all_rows.append(rows)
         on_trial(done, len(trials))

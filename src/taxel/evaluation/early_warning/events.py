@@ -242,9 +242,9 @@ def summarise(outcomes: Sequence[RunOutcome], cluster: str = "cup", seed: int = 
         lead_median_s=lead[1],
         lead_p95_s=lead[2],
         lead_interval_s=interval(lambda rows: _median(table.lead_s[rows])),
-        missed_share=_share(table.missed, table.event),
-        missed_interval=interval(lambda r: _share(table.missed[r], table.event[r])),
-        early_share=_share(table.early, table.event),
+        missed_share=share_of(table.missed, table.event),
+        missed_interval=interval(lambda r: share_of(table.missed[r], table.event[r])),
+        early_share=share_of(table.early, table.event),
         false_alarms=alarms_held,
         hold_min=hold_min,
         false_alarms_per_min=_per_min(table.false_alarms[holding], table.judged_s[holding]),
@@ -317,7 +317,8 @@ def _median(values: NDArray[np.float64]) -> float:
     return float(np.median(known)) if len(known) else float("nan")
 
 
-def _share(part: NDArray[np.bool_], whole: NDArray[np.bool_]) -> float:
+def share_of(part: NDArray[np.bool_], whole: NDArray[np.bool_]) -> float:
+    """Return how much of a whole a part of it is, 0…1; NaN of nothing."""
     return float(part.sum() / whole.sum()) if whole.any() else float("nan")
 
 

@@ -31,7 +31,7 @@ from taxel.signals import Mark, Samples, SensorInfo
 from taxel.training.fitting import Job, TrainingSet, fit_model, training_windows
 from taxel.training.recipes import Recipe
 from taxel.training.run import contract_of
-from taxel.windows.dataset import load_dataset
+from taxel.windows.dataset import load_dataset, owners_of
 from taxel.windows.reference import (
     ReferenceTouches,
     parse_reference,
@@ -43,7 +43,6 @@ from taxel.windows.windower import Windows, cut_windows
 ANSWER_ALL = RecogniseConfig(least_confidence=0.0)
 """No answer is UNKNOWN for its confidence, so that curves of any number of classes compare.
 Source: our choice, docs/decisions/0029."""
-_TIME_SLACK_S = 1e-6
 """A window this little outside its touch still belongs to it, seconds: hides float rounding."""
 
 
@@ -142,7 +141,7 @@ def judge(
     for touch in touches:
         contract.check_sensor(touch.sensor)
         windows = cut_windows(touch.samples, contract.window, touch.sensor)
-        owner = _owners(windows, touch.trials)
+        owner = owners_of(windows, touch.trials)
         outside += int((owner < 0).sum())
         seconds += float(touch.samples.fitted_s[-1] - touch.samples.fitted_s[0])
         names = touch.sessions
@@ -264,15 +263,6 @@ def _first_touches(cuts: Sequence[_Cut], touches: ReferenceTouches) -> list[tupl
         if cut.own[index] and touches.matches(trial)
     ]
     return [(place, index) for _, _, place, index in sorted(found)[: touches.count]]
-
-
-def _owners(windows: Windows, trials: Sequence[Trial]) -> NDArray[np.intp]:
-    """Return the touch that each window lies in as a whole, or -1, shape (n,)."""
-    starts = np.array([trial.start_s for trial in trials]) - _TIME_SLACK_S
-    ends = np.array([trial.end_s for trial in trials]) + _TIME_SLACK_S
-    owner = np.searchsorted(starts, windows.start_s, side="right") - 1
-    inside = (owner >= 0) & (windows.end_s <= ends[np.maximum(owner, 0)])
-    return np.where(inside, owner, -1).astype(np.intp)
 
 
 def _label(trial: Trial, target: str) -> str:

@@ -18,7 +18,7 @@ from taxel.labels.agreement import onset_s
 from taxel.labels.slip import label_truth
 from taxel.models.sequence import SENSORS
 from taxel.sim.pour.state import TRUTH_CHANNELS, has_truth
-from taxel.training.frames.features import Extractor, FrameFeatures, Progress, extract
+from taxel.training.frames.features import FrameFeatures, Progress
 from taxel.training.frames.heads import HeadConfig, TrainedHead, fit_head, tracks_of
 from taxel.training.frames.labels import change_signals, frame_labels, truth_of
 from taxel.windows.camera_recordings import (
@@ -174,13 +174,3 @@ def trivial_features(data: CameraSet, index: int) -> dict[str, NDArray[np.float6
         poured = truth_of(pour)[:, TRUTH_CHANNELS.index("poured")]
         found["pour started (not seen by the sensor)"] = (poured > 0).astype(np.float64)
     return found
-
-
-def features_of(
-    data: CameraSet,
-    extractor: Extractor,
-    cache: Path,
-    on_progress: Callable[[Progress], None] = lambda _: None,
-) -> list[FrameFeatures]:
-    """Return the features of a set's frames."""
-    return extract(data.pours, extractor, cache, on_progress)

@@ -21,7 +21,7 @@ from taxel.errors import BadTable
 from taxel.foreign.array_files import ARRAY_ENDINGS
 from taxel.plain_text import figures
 from taxel.recordings.imports.own_groups import refuse_own_groups
-from taxel.recordings.imports.spelling import column_name, composed
+from taxel.recordings.imports.spelling import column_name, composed, prefixed
 from taxel.recordings.imports.table_columns import mend_number, read_cells
 from taxel.recordings.imports.table_form import TEXT_ENDINGS, is_number
 from taxel.recordings.writer import Recorder
@@ -235,13 +235,8 @@ def _interval(named: Mapping[str, str], where: str) -> Interval:
                        "mend the line, or remove it")  # fmt: skip
     return Interval(
         start_s=start_s, end_s=end_s, where=where,
-        labels=_prefixed(named, "label:"), groups=_prefixed(named, "group:"),
+        labels=prefixed(named, "label:"), groups=prefixed(named, "group:"),
     )  # fmt: skip
-
-
-def _prefixed(named: Mapping[str, str], prefix: str) -> dict[str, str]:
-    return {name.removeprefix(prefix): composed(cell)
-            for name, cell in named.items() if name.startswith(prefix)}  # fmt: skip
 
 
 def _seconds(cell: str, where: str) -> float:

@@ -20,6 +20,7 @@ from taxel.recordings.imports.many_trials import holds_many, refuse_words_of_man
 from taxel.recordings.imports.matched_files import TableLine, one_line_a_file
 from taxel.recordings.imports.row_labels import ROWS, columns_by_row
 from taxel.recordings.imports.spelling import column_name
+from taxel.recordings.imports.table_columns import by_column
 from taxel.recordings.imports.table_files import file_of
 from taxel.recordings.imports.table_form import TEXT_ENDINGS, is_number
 from taxel.recordings.imports.tables import LARGEST_VALUE
@@ -114,9 +115,7 @@ def read_rows(
 def _cells(path: Path, number: int, header: Sequence[str], cells: Sequence[str]) -> dict[str, str]:
     """Return a row's cells by their columns, those that must be there filled in."""
     where = f"{path}, line {number}"
-    if len(cells) != len(header):
-        raise BadTable(f"{len(header)} cells", f"{len(cells)} in {where}", "mend the line")
-    named = {name: cell.strip() for name, cell in zip(header, cells, strict=True)}
+    named = by_column(header, cells, where)
     if not named["file"]:
         raise _nothing_in("file", where)
     return named

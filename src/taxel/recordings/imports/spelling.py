@@ -32,6 +32,15 @@ def column_name(text: str, plain: Collection[str]) -> str:
     return name.lower() if name.lower() in plain else name
 
 
+def prefixed(named: Mapping[str, str], prefix: str) -> dict[str, str]:
+    """Return a row's cells of the columns label:NAME, or group:NAME: NAME → composed cell."""
+    return {
+        name.removeprefix(prefix): composed(cell)
+        for name, cell in named.items()
+        if name.startswith(prefix)
+    }
+
+
 def look_alikes(what: str, sets: Iterable[Mapping[str, str]]) -> list[str]:
     """Return a line for each lot of values that differ in case or blanks only, or in zeros.
 

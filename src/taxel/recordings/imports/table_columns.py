@@ -256,6 +256,17 @@ def read_cells(path: Path) -> list[list[str]]:
     return _trimmed(rows)
 
 
+def by_column(columns: Sequence[str], cells: Sequence[str], where: str) -> dict[str, str]:
+    """Return a row's cells, without blanks around them, by their columns.
+
+    Raises:
+        BadTable: There are more or fewer than columns.
+    """
+    if len(cells) != len(columns):
+        raise BadTable(f"{len(columns)} cells", f"{len(cells)} in {where}", "mend the line")
+    return {name: cell.strip() for name, cell in zip(columns, cells, strict=True)}
+
+
 def _trimmed(rows: list[list[str]]) -> list[list[str]]:
     """Return rows without empty ones at the end, and without empty columns behind the last name."""
     while rows and not any(cell.strip() for cell in rows[-1]):

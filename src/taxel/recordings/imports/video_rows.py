@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 
 from taxel.errors import BadTable
-from taxel.recordings.imports.spelling import column_name, composed
-from taxel.recordings.imports.table_columns import read_cells
+from taxel.recordings.imports.spelling import column_name, prefixed
+from taxel.recordings.imports.table_columns import by_column, read_cells
 from taxel.recordings.imports.table_files import file_of
 
 _CAMERA_COLUMNS = ("left", "right")
@@ -154,9 +154,7 @@ def _row(
     outside: bool,
 ) -> VideoRow:
     where = f"{table}, line {number}"
-    if len(cells) != len(columns):
-        raise BadTable(f"{len(columns)} cells", f"{len(cells)} in {where}", "mend the line")
-    line = {name: cell.strip() for name, cell in zip(columns, cells, strict=True)}
+    line = by_column(columns, cells, where)
     cameras = {name.removeprefix(_CAMERA): line[name] for name in columns if _is_camera(name)}
     if not all(cameras.values()):
         raise BadTable(
@@ -173,8 +171,8 @@ def _row(
     return VideoRow(
         name=f"{number - 1:04d}",
         files=files,
-        labels=_prefixed(line, "label:"),
-        groups={"file": cameras[first], **_prefixed(line, "group:"), **_side(line, where)},
+        labels=prefixed(line, "label:"),
+        groups={"file": cameras[first], **prefixed(line, "group:"), **_side(line, where)},
         rate_hz=_number(line.get("rate", ""), "rate", where),
         mm_per_px=_number(line.get("mm_per_px", ""), "mm_per_px", where),
     )
@@ -187,14 +185,6 @@ def _side(line: Mapping[str, str], where: str) -> dict[str, str]:
         raise BadTable(f"{', '.join(SIDES)} in the column split",
                        f"{line[SPLIT]!r} in {where}", "write one of them")  # fmt: skip
     return {SPLIT: line[SPLIT]}
-
-
-def _prefixed(line: Mapping[str, str], prefix: str) -> dict[str, str]:
-    return {
-        key.removeprefix(prefix): composed(cell)
-        for key, cell in line.items()
-        if key.startswith(prefix)
-    }
 
 
 def _number(text: str, column: str, where: str) -> float | None:

@@ -10,7 +10,6 @@ Sources: Mindlin, J. Appl. Mech. 16 (1949) 259, for the annulus; docs/explanatio
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -219,11 +218,6 @@ class LayerGels:
             slip_um=1000.0 * (patch.share @ self._path_mm),
             limited=(size2 >= (_AT_LIMIT * _most(patch, hold)) ** 2).T,
         )
-
-
-def follow(gels: LayerGels, holds: Iterable[PadHold]) -> list[LayerMoment]:
-    """Return the gels at each of the moments, in order."""
-    return [gels.step(hold) for hold in holds]
 
 
 def _most(patch: LayerPatch, hold: PadHold) -> NDArray[np.float32]:

@@ -27,7 +27,3 @@ MOST_ITERATIONS = 60
 """Of the friction solver, a moment. Source: our choice."""
 HANG_STEPS = 4
 """Steps in which the empty cup's load comes on, before time zero. Source: our choice."""
-MATCHED = "torsion"
-"""Which stiffness of the stuck contact equals that of the dynamics' brushes: it sets the layer's
-shear modulus. Source: our choice; a cup beside its handle loads the gels by a moment above all,
-and the brushes' stiffness was fitted to the shear of real markers (`cup_pour.LAYER_FACTOR`)."""

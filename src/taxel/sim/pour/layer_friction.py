@@ -33,7 +33,6 @@ class StickSlip:
     """Shape (2 cells, contacts): on the layer, all x and then all y."""
     slip_mm: Array
     """Shape as above: movement of the object past the layer in this step."""
-    iterations: int
 
 
 class FrictionSolver:
@@ -73,9 +72,8 @@ class FrictionSolver:
         cells, less = len(most), np.float32(1.0 - _OVER)
         dual, wanted = slip_mm / self._weight, wanted_mm / self._weight
         most2 = most * most
-        kept, done, close = force, 0, tolerance_mm / float(self._weight)
-        while done < most_iterations:
-            done += 1
+        kept, close = force, tolerance_mm / float(self._weight)
+        for _ in range(most_iterations):
             free = self._inverse @ (wanted + (kept - dual))
             before = kept
             mixed = free + (less * kept + dual)
@@ -88,4 +86,4 @@ class FrictionSolver:
             gap = kept - (free + less * before)
             if max(np.abs(kept - before).max(), np.abs(gap).max()) < close:
                 break
-        return StickSlip(kept, dual * self._weight, done)
+        return StickSlip(kept, dual * self._weight)

@@ -172,7 +172,7 @@ def contact_over_time(grasp: Grasp, time_s: NDArray[np.float64]) -> NDArray[np.f
     since = time_s[:, None] - grasp.rest_s - grasp.delay_s
     press = np.floor(since / grasp.period_s)
     phase_s = since - press * grasp.period_s
-    held = _smooth_step(phase_s / grasp.rise_s) - _smooth_step(
+    held = smooth_step(phase_s / grasp.rise_s) - smooth_step(
         (phase_s - grasp.hold_share * grasp.period_s) / grasp.rise_s
     )
     held *= (press >= 0) & (press < grasp.presses)
@@ -182,6 +182,7 @@ def contact_over_time(grasp: Grasp, time_s: NDArray[np.float64]) -> NDArray[np.f
     return np.asarray(held * grasp.pressure)
 
 
-def _smooth_step(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def smooth_step(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return 0 below 0, 1 above 1, and between them a rise without a corner."""
     clipped = np.clip(x, 0.0, 1.0)
     return np.asarray(clipped * clipped * (3.0 - 2.0 * clipped))

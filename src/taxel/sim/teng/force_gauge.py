@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from taxel.signals import Mark, Samples, SensorInfo, flag_values
 from taxel.sim.teng import constants
 from taxel.sim.teng.constants import MATERIALS, SENSORS
+from taxel.sim.teng.contact import smooth_step
 from taxel.sim.teng.electrics import Sensors, Session, draw_session, full_voltage, quantise
 from taxel.sim.teng.hand import TengHandConfig, sensor_info
 from taxel.sim.teng.wear import Wear
@@ -207,8 +208,8 @@ class ForceGauge:
         rise_s, hold_s, rest_s = times_s
         scans = round((2 * rise_s + hold_s + rest_s) * self._hand.rate_hz)
         time_s = np.arange(scans, dtype=np.float64) / self._hand.rate_hz
-        up = _smooth_step(time_s / rise_s)
-        down = _smooth_step((time_s - rise_s - hold_s) / rise_s)
+        up = smooth_step(time_s / rise_s)
+        down = smooth_step((time_s - rise_s - hold_s) / rise_s)
         charge = np.zeros((scans, len(SENSORS)))
         charge[:, sensor] = full_v * (up - down) * self._session.gain[sensor]
         if self._hand.fatigue:
@@ -252,8 +253,3 @@ class ForceGauge:
             fitted_s=time_s,
             validity=flag_values(values, self.info.full_scale),
         )
-
-
-def _smooth_step(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    clipped = np.clip(x, 0.0, 1.0)
-    return np.asarray(clipped * clipped * (3.0 - 2.0 * clipped))

@@ -18,7 +18,6 @@ from typing import Self
 
 import numpy as np
 
-from taxel.clock import Clock
 from taxel.errors import BadSource
 from taxel.frame_codec import encode_depth, encode_jpeg
 from taxel.recordings.manifest import NO_ARRAY
@@ -64,7 +63,6 @@ class RealSense:
     Args:
         name: Its serial number, or "any".
         options: As in the address: width, height (px), rate_hz, the same for both streams.
-        clock: Not used; frames are stamped as the library hands them over.
         find: Gives the library's device; what is plugged in unless given.
 
     Raises:
@@ -72,13 +70,7 @@ class RealSense:
         MissingExtra: pyrealsense2 is not installed.
     """
 
-    def __init__(
-        self,
-        name: str,
-        options: dict[str, str],
-        clock: Clock | None = None,
-        find: Finder = find_device,
-    ) -> None:
+    def __init__(self, name: str, options: dict[str, str], find: Finder = find_device) -> None:
         self._choice = parse_choice(options)
         self._name, self._find = name, find
         device = find(name)

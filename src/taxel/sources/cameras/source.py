@@ -17,7 +17,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Self
 
-from taxel.clock import Clock
 from taxel.errors import BadSource
 from taxel.plain_text import number_of
 from taxel.recordings.manifest import NO_ARRAY
@@ -60,7 +59,6 @@ class Cameras:
     Args:
         name: Device nodes joined by commas.
         options: As in the address: width, height (px), rate_hz, names, mm_per_px.
-        clock: Not used; stamps are the kernel's.
         factory: Makes the devices; the real ones unless given.
 
     Raises:
@@ -68,11 +66,7 @@ class Cameras:
     """
 
     def __init__(
-        self,
-        name: str,
-        options: dict[str, str],
-        clock: Clock | None = None,
-        factory: CaptureFactory | None = None,
+        self, name: str, options: dict[str, str], factory: CaptureFactory | None = None
     ) -> None:
         if sys.platform != "linux":
             raise BadSource("Linux for camera://", sys.platform, "record there, replay here")

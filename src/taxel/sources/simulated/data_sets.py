@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from taxel.errors import RecordingFailed
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.whole import fresh_folder
 from taxel.recordings.writer import Recorder
@@ -112,9 +111,3 @@ def _write_session(
         "grasps": len(session.marks),
         **session.details,
     }
-
-
-def _refused(path: Path, error: OSError) -> RecordingFailed:
-    return RecordingFailed(
-        f"needed to write {path}; got {error.strerror or error}; choose another place."
-    )

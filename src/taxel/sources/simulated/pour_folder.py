@@ -19,7 +19,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from taxel.errors import BadFile, BadInput, RecordingFailed
+from taxel.errors import BadFile, BadInput, RecordingFailed, not_written
 from taxel.foreign.files import sha256_of
 from taxel.foreign.json_text import read_json
 from taxel.held import only_writer
@@ -88,9 +88,7 @@ def write_pours(
         except RecordingFailed:
             raise
         except OSError as error:
-            raise RecordingFailed(
-                f"needed to write {output}; got {error.strerror or error}; choose another place."
-            ) from error
+            raise not_written(output, error, "choose another place") from error
         finally:
             _remove_empty(folder)
     return [rows[run.name] for run, _ in runs]

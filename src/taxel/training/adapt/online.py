@@ -27,6 +27,7 @@ from taxel.training.adapt.last_layer import (
     features_of,
     with_last,
 )
+from taxel.training.choose.blending import softmax
 from taxel.training.exemplars import Exemplars, thin_out
 from taxel.training.run import Run
 from taxel.windows.windower import Windows
@@ -215,7 +216,7 @@ class _Layer:
     ) -> NDArray[np.float64]:
         """Return class probabilities, shape (n, classes), of scaled windows."""
         x = self._standard(features_of(self._body, scaled, mask))
-        return _softmax(x @ self._weight.T + self._bias)
+        return softmax(x @ self._weight.T + self._bias)
 
     def learn(
         self,
@@ -230,7 +231,7 @@ class _Layer:
         for rows in rehearsed:
             x = np.concatenate([own, self._x[rows]])
             right = np.concatenate([y, self._y[rows]])
-            off = _softmax(x @ self._weight.T + self._bias)
+            off = softmax(x @ self._weight.T + self._bias)
             off[np.arange(len(x)), right] -= 1.0
             off *= np.repeat([0.5 / len(own), 0.5 / len(rows)], [len(own), len(rows)])[:, None]
             self._weight -= learning_rate * off.T @ x
@@ -242,8 +243,3 @@ class _Layer:
         """Return the network with the last layer as it is now."""
         weight = self._weight * self._factor
         return with_last(self._body, Solved(weight, self._bias - weight @ self._offset, 1.0))
-
-
-def _softmax(logits: NDArray[np.float64]) -> NDArray[np.float64]:
-    grown = np.exp(logits - logits.max(axis=1, keepdims=True))
-    return np.asarray(grown / grown.sum(axis=1, keepdims=True))

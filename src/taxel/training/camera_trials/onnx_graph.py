@@ -28,9 +28,10 @@ def blend_to_onnx(blend: TrialBlend, columns: int) -> bytes:
     parts = []
     for model, own, weight in zip(blend.fitted, blend.columns, blend.weights, strict=True):
         seen = graph.add("Gather", "rows", graph.const(own.astype(np.int32)), axis=1)
-        output = (_logistic if isinstance(model, Logistic | Steady) else _forest)(
-            graph, seen, model, blend.classes
-        )
+        if isinstance(model, Logistic | Steady):
+            output = _logistic(graph, seen, model)
+        else:
+            output = _forest(graph, seen, model, blend.classes)
         parts.append(graph.add("Mul", output, graph.const(np.float32(weight))))
     mean = parts[0] if len(parts) == 1 else graph.add("Sum", *parts)
     graph.add("Concat", mean, _novelty(graph, blend.novelty), axis=1, output="told")
@@ -82,7 +83,7 @@ def _forest(graph: _Graph, seen: str, trees: Any, classes: int) -> str:
     return graph.add("ReduceMean", found, graph.const(np.array([1])), keepdims=0)
 
 
-def _logistic(graph: _Graph, seen: str, model: Logistic | Steady, classes: int) -> str:
+def _logistic(graph: _Graph, seen: str, model: Logistic | Steady) -> str:
     """Add a sum of ranks; return its probabilities, (n, classes)."""
     slopes, levels = (part.astype(np.float32) for part in model.slopes)
     assert model.ranked is not None

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
+from taxel.models.forest import floor32
 from taxel.models.heads import FARTHEST, LinearHead, PerceptronHead, TreesHead
 from taxel.training.choose.candidates import Candidate
 from taxel.training.discriminant import fit_discriminant
@@ -191,13 +192,6 @@ def _trees_head(trees: list[_Tree]) -> nn.Module:
     tables = {name: torch.from_numpy(np.concatenate(part)) for name, part in parts.items()}
     depth = max(tree.depth for tree in trees)
     return TreesHead(**tables, depth=torch.tensor([depth]))
-
-
-def floor32(values: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the largest float32 not above each value: x ≤ t stays true for the same x."""
-    with np.errstate(over="ignore"):
-        near = values.astype(np.float32)
-    return np.where(near > values, np.nextafter(near, np.float32(-np.inf)), near).astype(np.float32)
 
 
 def _perceptron(x: Features, y: Classes, classes: int, strength: float, seed: int) -> nn.Module:

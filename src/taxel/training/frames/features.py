@@ -25,7 +25,7 @@ from taxel.foreign.files import read_bytes
 from taxel.frame_codec import decode_jpeg
 from taxel.held import MADE, scratch_folder
 from taxel.side_by_side import SideBySide
-from taxel.windows.camera_recordings import CameraRecording, frame_sets
+from taxel.windows.camera_recordings import CameraRecording, camera_images, frame_sets
 from taxel.windows.rest import SETTLE, compared, settled
 
 Item = TypeVar("Item")
@@ -158,7 +158,7 @@ BATCH = 16
 def _compute(pour: CameraRecording, extractor: Extractor) -> NDArray[np.float32]:
     cameras = len(pour.cameras)
     if extractor.in_order:
-        each = [extractor.of(list(_images(pour, camera))) for camera in range(cameras)]
+        each = [extractor.of(list(camera_images(pour, camera))) for camera in range(cameras)]
         return np.stack(each, axis=1).reshape(-1, extractor.features)
     at_once = getattr(extractor, "at_once", BATCH)
     # Where a card computes, decoding would be what takes the time.
@@ -188,16 +188,6 @@ def _at_rest(
     files = list(islice(_different(pour), int(wanted[-1]) + 1))
     found = features([files[row] for row in wanted])
     return np.stack([settled(found[each]) for each in own.reshape(rows.shape).T])
-
-
-def _images(pour: CameraRecording, camera: int) -> Iterator[NDArray[np.uint8]]:
-    """Yield every image of one camera, decoding each different one once in a row."""
-    last: tuple[bytes, NDArray[np.uint8]] | None = None
-    for found in frame_sets(pour.path, len(pour.cameras)):
-        jpeg = found.frames[camera].jpeg
-        if last is None or last[0] != jpeg:
-            last = (jpeg, decode_jpeg(jpeg, pour.cameras[camera]))
-        yield last[1]
 
 
 def _different(pour: CameraRecording) -> Iterator[tuple[bytes, int]]:

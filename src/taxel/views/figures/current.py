@@ -5,16 +5,13 @@ Knows nothing about hands or ports.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from taxel.plotting import plt
+from taxel.plotting import finished, plt
 from taxel.recordings.whole import write_whole
-
-_DPI = 110
 
 
 def save_currents(
@@ -35,7 +32,4 @@ def save_currents(
     axes.axhline(contact_ma, color="0.5", linestyle=":", label="contact")
     axes.set(xlabel="time, s", ylabel="motor current, mA")
     axes.legend(loc="upper right", ncols=5, fontsize="small")
-    raw = io.BytesIO()
-    figure.savefig(raw, format="png", dpi=_DPI)
-    plt.close(figure)
-    write_whole(path, raw.getvalue())
+    write_whole(path, finished(figure))

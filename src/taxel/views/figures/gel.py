@@ -5,21 +5,19 @@ Knows nothing about sources, files or models of grasps.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from typing import Literal
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure, FigureBase
+from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
 from taxel.gel.markers import MarkerFlow, Rgb
-from taxel.plotting import drawn_name, plt
+from taxel.plotting import drawn_name, finished, plt
 from taxel.views.gel_moment import GelTouch
 
-_DPI = 110
 _LONGEST_PX = 36.0
 """Length to which arrows are magnified at most, px of a 320-pixel row: dots are 45 apart."""
 _SCALES = (1, 1.5, 2, 3, 4, 5, 7, 10, 15, 20)
@@ -53,7 +51,7 @@ def gels_figure(touches: Mapping[str, GelTouch], title: str, kind: Kind = "png")
         _draw(part, part.subplots(1, 4), touch)
         part.suptitle(f"{drawn_name(name)}: {touch.words()}", fontsize=10, x=0.005, ha="left")
     figure.suptitle(drawn_name(title), fontsize=11, fontweight="bold", x=0.005, ha="left")
-    return _finished(figure, kind)
+    return finished(figure, kind)
 
 
 def _draw(figure: FigureBase, axes: NDArray[np.object_], touch: GelTouch) -> None:
@@ -65,13 +63,6 @@ def _draw(figure: FigureBase, axes: NDArray[np.object_], touch: GelTouch) -> Non
     bar.set_label("depth (mm)" if touch.calibrated else "depth (mm, uncalibrated)", fontsize=8)
     bar.ax.tick_params(labelsize=7)
     _draw_normals(axes[3], touch.normals, touch.mask)
-
-
-def _finished(figure: Figure, kind: Kind) -> bytes:
-    raw = io.BytesIO()
-    figure.savefig(raw, format=kind, dpi=_DPI)
-    plt.close(figure)
-    return raw.getvalue()
 
 
 def _draw_frame(axes: Axes, rgb: Rgb, mask: NDArray[np.bool_]) -> None:

@@ -5,18 +5,15 @@ Knows nothing about how rules work, files or models.
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 from matplotlib.axes import Axes
 
 from taxel.labels.change import ChangeConfig, thresholds
 from taxel.labels.rules import RULES
-from taxel.plotting import drawn_name, plt
+from taxel.plotting import drawn_name, finished, plt
 from taxel.training.frames.label_sheet import PERSON, PourLabels
 from taxel.training.frames.labels import rate_of
 
-_DPI = 110
 _CAMERAS = ("#1f4e8c", "#2a9d8f", "#7b4ea3", "#6c757d")
 _RULES = {"change": "#1f4e8c", "micro-slip": "#d08700", "slip": "#d9622b", "gross-slip": "#c0281c",
           "drop": "#111111"}  # fmt: skip
@@ -45,10 +42,7 @@ def label_figure(labels: PourLabels, rule: str) -> bytes:
     if onset is not None:
         above.axvline(onset, color=_RULES.get(rule, "0.3"), lw=1.2, ls="--")
     figure.suptitle(f"{drawn_name(labels.pour.name)}: {rule}", fontsize=10, x=0.01, ha="left")
-    raw = io.BytesIO()
-    figure.savefig(raw, format="png", dpi=_DPI)
-    plt.close(figure)
-    return raw.getvalue()
+    return finished(figure)
 
 
 def _draw_signal(axes: Axes, labels: PourLabels) -> None:

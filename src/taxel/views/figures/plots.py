@@ -6,17 +6,14 @@ about pages, files or how results were made.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from taxel.plain_text import short_names, without_controls
-from taxel.plotting import drawn_name, plt
+from taxel.plotting import drawn_name, finished, plt
 
-_DPI = 110
 _MAP = "viridis"
 _MAPS_ACROSS = 5
 _NAME = 30
@@ -52,7 +49,7 @@ def traces(
     axes.set(xlabel="time (s)", ylabel=drawn_name(unit), title=drawn_name(title))
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7, frameon=False)
-    return _png(figure)
+    return finished(figure)
 
 
 def intensity_maps(images: dict[str, NDArray[np.float32]], unit: str) -> bytes:
@@ -80,7 +77,7 @@ def intensity_maps(images: dict[str, NDArray[np.float32]], unit: str) -> bytes:
     for row in grid:
         row[0].set_ylabel("row (oldest on top)", fontsize=8)
     figure.colorbar(shown, ax=grid.ravel().tolist(), label=drawn_name(unit), shrink=0.9)
-    return _png(figure)
+    return finished(figure)
 
 
 def confusion(classes: Sequence[str], counts: list[list[int]], title: str) -> bytes:
@@ -108,7 +105,7 @@ def confusion(classes: Sequence[str], counts: list[list[int]], title: str) -> by
     axes.set_xlabel("predicted", fontsize=8)
     axes.set_ylabel("true", fontsize=8)
     axes.set_title(drawn_name(title), fontsize=9)
-    return _png(figure)
+    return finished(figure)
 
 
 def accuracies(
@@ -130,11 +127,4 @@ def accuracies(
     axes.set_title(title, fontsize=9, loc="left")
     axes.grid(axis="x", alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
-    return _png(figure)
-
-
-def _png(figure: Figure) -> bytes:
-    raw = io.BytesIO()
-    figure.savefig(raw, format="png", dpi=_DPI)
-    plt.close(figure)
-    return raw.getvalue()
+    return finished(figure)

@@ -6,7 +6,6 @@ curves were measured.
 
 from __future__ import annotations
 
-import io
 import textwrap
 from collections.abc import Sequence
 from itertools import groupby
@@ -17,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from taxel.evaluation.robustness.curve import FALL, FaultPoint
-from taxel.plotting import drawn_name, plt
+from taxel.plotting import drawn_name, finished, plt
 
 _ACROSS = 4
 _DPI = 120
@@ -65,10 +64,7 @@ def sweep_figure(
         handles=handles, loc="outside lower left", ncols=min(len(handles), _LEGEND_ACROSS[across]),
         fontsize=8, frameon=False,
     )  # fmt: skip
-    raw = io.BytesIO()
-    figure.savefig(raw, format="png", dpi=_DPI)
-    plt.close(figure)
-    return raw.getvalue()
+    return finished(figure, dpi=_DPI)
 
 
 def _panel(axes: Axes, base: FaultPoint, own: Sequence[FaultPoint], fault: str) -> None:

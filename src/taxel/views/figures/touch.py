@@ -5,20 +5,17 @@ Knows nothing about sources, files or models.
 
 from __future__ import annotations
 
-import io
-
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from taxel.plain_text import number_of, short_names
-from taxel.plotting import drawn_name, plt
+from taxel.plotting import drawn_name, finished, plt
 from taxel.signals import Samples, Validity
 from taxel.views.terminal import array_grid, hand_fingers, share_of, short_number
 from taxel.views.trace_buffer import TraceBuffer, measured_rate_hz, usable_values
 
-_DPI = 110
 _MAP = "viridis"
 _IMAGE_ROWS = 12
 _ROW_HZ = 100.0
@@ -64,10 +61,7 @@ def touch_figure(buffer: TraceBuffer, title: str) -> bytes:
     figure.suptitle(
         f"{drawn_name(title)}\n{_facts(samples, buffer)}", fontsize=10, x=0.01, ha="left"
     )
-    raw = io.BytesIO()
-    figure.savefig(raw, format="png", dpi=_DPI)
-    plt.close(figure)
-    return raw.getvalue()
+    return finished(figure)
 
 
 def _draw_lanes(

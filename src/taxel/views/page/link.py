@@ -10,11 +10,6 @@ from __future__ import annotations
 
 from typing import Any, Protocol, runtime_checkable
 
-STATES = ("STABLE", "WARNING", "UNSTABLE", "UNKNOWN", "NO GRASP", "STOP", "NONE")
-"""The words a snapshot's state may be; the page shows any other as UNKNOWN. NO GRASP: a grasp has
-ended and the next has not begun. NONE: nothing watches a grasp, and the page names what is in the
-hand instead."""
-
 
 class StationLink(Protocol):
     """A running station, as the page sees it.
@@ -33,7 +28,10 @@ class StationLink(Protocol):
         Returns:
             time_s: when this was true; it must move on while the station lives, or the
                 page says STALE after 0.5 s.
-            state: one of `STATES`; reason: why, in a few words; since_s: when it began, or None;
+            state: STABLE, WARNING, UNSTABLE, UNKNOWN, STOP, NO GRASP (a grasp has ended and the
+                next has not begun) or NONE (nothing watches a grasp, and the page names what is
+                in the hand instead); any other is shown as UNKNOWN;
+            reason: why, in a few words; since_s: when the state began, or None;
             probability: of instability 0…1, or None;
             scored (may be left out): True where the monitor gives no probability but a warning's
                 score, 0…1 or None, in the field score;

@@ -53,8 +53,8 @@ def _table_4_1(section: Section) -> Table:
         cells = []
         for model, column in section.columns.items():
             if model in PUBLISHED:
-                cells.append(_value(row, PUBLISHED[model][row]))
-            cells.append(_value(row, column.rows[row]))
+                cells.append(_value(PUBLISHED[model][row]))
+            cells.append(_value(column.rows[row]))
         table.add_row(row, *cells)
     return table
 
@@ -93,7 +93,7 @@ def checked_table(checked: Checked) -> RenderableType:
             with_interval(result),
             f"{result.trial_accuracy:.4f}",
             f"{result.scores.loss:.4f}",
-            _value("", result.scores.roc_auc),
+            _value(result.scores.roc_auc),
             f"{result.scores.f1:.4f}",
         )
     for name, accuracy in checked.trivial.items():
@@ -172,5 +172,5 @@ def confusion_table(
     return table
 
 
-def _value(row: str, value: float) -> str:
+def _value(value: float) -> str:
     return "–" if math.isnan(value) else f"{value:.4f}"

@@ -64,7 +64,7 @@ def trial_tables(
             for place, scores in zip(PLACES, result.places, strict=True)
         ]
         parts.append(_table("by one crop alone", rows))
-    parts += [Text(_difference_line(difference, split.group)) for difference in differences]
+    parts += [Text(_difference_line(difference)) for difference in differences]
     parts += [Text(f"{result.name}: {result.leaks}.") for result in results if result.leaks]
     parts.append(Text(_weakest(trials, split, ours)))
     parts += [Text(f"note: {note}") for note in trial_notes(trials)]
@@ -202,7 +202,7 @@ def _cells(scores: CameraTrialScores) -> list[str]:
     ]
 
 
-def _difference_line(found: Difference, group: str) -> str:
+def _difference_line(found: Difference) -> str:
     low, high = found.accuracy_interval
     accuracy = bracketed(f"{100 * found.accuracy:+.1f} points", (100 * low, 100 * high), "+.1f")
     auc = bracketed(f"{found.auc:+.3f}", found.auc_interval, "+.3f")

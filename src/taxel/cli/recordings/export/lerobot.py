@@ -8,7 +8,7 @@ from typing import Literal
 
 import tyro
 
-from taxel.cli.printing import print_json, progress, say
+from taxel.cli.printing import counted, print_json, say
 from taxel.cli.recordings.export.need import depth_cameras, depth_line, need_packages
 from taxel.errors import BadInput
 from taxel.plain_text import number_of
@@ -56,12 +56,11 @@ class Lerobot:
 
         paths = list_recordings(self.recordings)
         left_out = depth_cameras(paths)
-        with progress() as bars:
-            bar = bars.add_task("exporting", total=len(paths))
+        with counted("exporting", len(paths)) as progress:
             written = write_lerobot(
                 paths, self.output, fps=self.fps, rows=self.rows, cut=self.episodes,
                 overwrite=self.overwrite,
-                progress=lambda done, of: bars.update(bar, completed=done, total=of),
+                progress=progress,
             )  # fmt: skip
         if self.json:
             print_json({"output": str(self.output), **written.as_dict(), "left_out": left_out})

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from taxel.cli.printing import print_json, progress, say
+from taxel.cli.printing import counted, print_json, say
 from taxel.cli.recordings.export.need import need_packages
 from taxel.recordings.reader import list_recordings
 
@@ -36,12 +36,8 @@ class Parquet:
         from taxel.exchange.parquet_tables import write_tables
 
         paths = list_recordings(self.recordings)
-        with progress() as bars:
-            bar = bars.add_task("exporting", total=len(paths))
-            found = write_tables(
-                paths, self.output, overwrite=self.overwrite,
-                progress=lambda done, of: bars.update(bar, completed=done, total=of),
-            )  # fmt: skip
+        with counted("exporting", len(paths)) as progress:
+            found = write_tables(paths, self.output, overwrite=self.overwrite, progress=progress)
         if self.json:
             print_json({"output": str(self.output), "tables": found})
             return

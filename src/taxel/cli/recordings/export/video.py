@@ -8,7 +8,7 @@ from typing import Literal
 
 import tyro
 
-from taxel.cli.printing import print_json, progress, say
+from taxel.cli.printing import counted, print_json, say
 from taxel.cli.recordings.export.need import depth_cameras, depth_line, need_packages
 from taxel.plain_text import number_of
 from taxel.recordings.reader import list_recordings
@@ -41,12 +41,10 @@ class Video:
 
         paths = list_recordings(self.recordings)
         left_out = depth_cameras(paths)
-        with progress() as bars:
-            bar = bars.add_task("exporting", total=len(paths))
+        with counted("exporting", len(paths)) as progress:
             found = write_videos(
-                paths, self.output, codec=self.codec, overwrite=self.overwrite,
-                progress=lambda done, of: bars.update(bar, completed=done, total=of),
-            )  # fmt: skip
+                paths, self.output, codec=self.codec, overwrite=self.overwrite, progress=progress
+            )
         if self.json:
             print_json({"output": str(self.output), "videos": found, "left_out": left_out})
             return
