@@ -16,6 +16,9 @@ from taxel.errors import BadInput
 from taxel.plain_text import number_of
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from taxel.evaluation.camera_trials.sides import TrialSplit
     from taxel.evaluation.camera_trials.trial_set import TrialSet
     from taxel.training.camera_trials.image_network import ImageNetwork
@@ -58,16 +61,18 @@ class TrialOptions:
         Raises:
             BadInput: The options or trials do not allow it.
         """
-        from taxel.evaluation.camera_trials.trial_set import Sight, load_trial_set
+        from taxel.evaluation.camera_trials.trial_set import Sight, labels_of, load_trial_set
         from taxel.training.frames.features import default_cache
         from taxel.windows.trial_crops import USUAL
 
         self._check()
         work.step("reading trials", "reading trials")
         found = self._read(data)
+        target, classes, y = labels_of(found, self.target)
+        split = self._split(found, y, classes)  # before the images, which take long
         trials = load_trial_set(
             found,
-            self.target,
+            target,
             self.cache or default_cache(),
             crop=self.crop,
             sight=Sight(
@@ -76,7 +81,7 @@ class TrialOptions:
             further=True,
             on_trial=work.at,
         )
-        return trials, self._split(trials), found
+        return trials, split, found
 
     def _network(self) -> ImageNetwork | None:
         from taxel.training.camera_trials.image_network import find_image_network
@@ -126,19 +131,19 @@ class TrialOptions:
             for trial in part
         ]
 
-    def _split(self, trials: TrialSet) -> TrialSplit:
+    def _split(
+        self, trials: list[CameraTrial], y: NDArray[np.intp], classes: tuple[str, ...]
+    ) -> TrialSplit:
         from taxel.evaluation.camera_trials.sides import left_out, split_by_table, split_trials
 
+        groups = [trial.groups for trial in trials]
         if self.folds is not None:
-            split = split_by_table(
-                trials.names, trials.groups, trials.y, self.folds, trials.classes
-            )
-            if note := left_out(split, len(trials.names)):
+            names = [trial.name for trial in trials]
+            split = split_by_table(names, groups, y, self.folds, classes)
+            if note := left_out(split, len(names)):
                 say_aside(f"note: {note}")
             return split
-        return split_trials(
-            trials.groups, trials.y, self.split, self.fold_count, self.seed, trials.classes
-        )
+        return split_trials(groups, y, self.split, self.fold_count, self.seed, classes)
 
 
 def _alike(trials: list[CameraTrial]) -> dict[str, list[str]]:

@@ -21,7 +21,7 @@ from taxel.training.camera_trials.features import TrialRows, further_crops, tria
 from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.learning import Crops, Learning
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import USUAL, Layout
+from taxel.windows.trial_crops import LARGEST_RATIO, USUAL, Layout
 from taxel.windows.trial_layout import choose_layout, count_between
 
 Rows = NDArray[np.float32]
@@ -120,30 +120,20 @@ def load_trial_set(
         on_trial: Called with the pass over the trials, trials done and in all.
 
     Raises:
-        BadDataset: A trial lacks the label, there is one class only, or cameras differ in size or
-            rate.
+        BadDataset: A trial lacks the label, there is one class only, cameras differ in size or
+            rate, or images are hundreds of times as long as wide.
         BadInput: The crop does not fit.
     """
-    target = target or _only_label(trials)
-    lacking = [trial.name for trial in trials if target not in trial.labels]
-    if lacking:
-        known = sorted({name for trial in trials for name in trial.labels})
-        raise BadDataset(
-            f"the label {target!r} on every trial",
-            f"none on {lacking[0]}{f' and {len(lacking) - 1} more' if lacking[1:] else ''}",
-            f"labels are {', '.join(known) or 'none'}; name one with --target, or fill the table",
-        )
+    target, classes, y = labels_of(trials, target)
     sizes = {(trial.width, trial.height) for trial in trials}
     if len(sizes) > 1:
         raise BadDataset("images of one size in all trials",
                          " and ".join(f"{w}×{h}" for w, h in sorted(sizes)[:3]),
                          "make a table of each size")  # fmt: skip
-    labels = [trial.labels[target] for trial in trials]
-    classes = in_order(set(labels))
-    refuse_reserved(classes, target)
-    if len(classes) < 2:
-        raise BadDataset(f"two or more classes of {target!r}", f"only {classes[0]!r}",
-                         "record others too, or name another label with --target")  # fmt: skip
+    ((width, height),) = sizes
+    if max(width, height) > LARGEST_RATIO * min(width, height):
+        raise BadDataset(f"images whose sides differ by a factor of at most {LARGEST_RATIO}",
+                         f"{width}×{height}", "cut them to what was touched")  # fmt: skip
     lengths = [trial.frames for trial in trials]
     layout = choose_layout(lengths, crop)
     least, most = (chosen(trials, key=lambda trial: trial.rate_hz) for chosen in (min, max))
@@ -165,7 +155,7 @@ def load_trial_set(
     return TrialSet(
         target=target,
         classes=classes,
-        y=np.array([classes.index(label) for label in labels], np.intp),
+        y=y,
         names=tuple(trial.name for trial in trials),
         groups=tuple(dict(trial.groups) for trial in trials),
         lengths=np.array(lengths, np.intp),
@@ -175,6 +165,37 @@ def load_trial_set(
         further=further_crops(cut, between) if further else None,
         network=sight.network,
     )
+
+
+def labels_of(
+    trials: Sequence[CameraTrial], target: str | None
+) -> tuple[str, tuple[str, ...], NDArray[np.intp]]:
+    """Return the label to predict, its classes, and each trial's, shape (trials,); no image is
+    looked at.
+
+    Args:
+        trials: At least two.
+        target: As for `load_trial_set`.
+
+    Raises:
+        BadDataset: A trial lacks the label, or there is one class only.
+    """
+    target = target or _only_label(trials)
+    lacking = [trial.name for trial in trials if target not in trial.labels]
+    if lacking:
+        known = sorted({name for trial in trials for name in trial.labels})
+        raise BadDataset(
+            f"the label {target!r} on every trial",
+            f"none on {lacking[0]}{f' and {len(lacking) - 1} more' if lacking[1:] else ''}",
+            f"labels are {', '.join(known) or 'none'}; name one with --target, or fill the table",
+        )
+    labels = [trial.labels[target] for trial in trials]
+    classes = in_order(set(labels))
+    refuse_reserved(classes, target)
+    if len(classes) < 2:
+        raise BadDataset(f"two or more classes of {target!r}", f"only {classes[0]!r}",
+                         "record others too, or name another label with --target")  # fmt: skip
+    return target, classes, np.array([classes.index(label) for label in labels], np.intp)
 
 
 def _only_label(trials: Sequence[CameraTrial]) -> str:
