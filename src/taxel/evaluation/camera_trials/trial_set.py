@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
 from typing import Final
 
@@ -21,7 +22,7 @@ from taxel.training.camera_trials.features import TrialRows, further_crops, tria
 from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.learning import Crops, Learning
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import LARGEST_RATIO, USUAL, Layout
+from taxel.windows.trial_crops import LARGEST_RATIO, MOVEMENT, USUAL, Layout
 from taxel.windows.trial_layout import choose_layout, count_between
 
 Rows = NDArray[np.float32]
@@ -62,7 +63,7 @@ class TrialSet:
     layout: Layout
     cut: TrialRows
     further: Crops | None = None
-    """Crops that are only learned from."""
+    """Crops that are only learned from, of the views of movement, which stand first."""
     network: ImageNetwork | None = None
     """What the view of that name looked through; None where there is no such view."""
 
@@ -145,13 +146,12 @@ def load_trial_set(
         )  # fmt: skip
     views, network = sight.all_views, sight.network
     cut = trial_rows(trials, layout, views, cache, partial(on_trial, JUDGED), network=network)
-    count = count_between(layout, len(trials)) if further else 0
+    moving = tuple(takewhile(MOVEMENT.__contains__, views))
+    count = count_between(layout, len(trials)) if further and moving else 0
     between = None
     if count:
         on_between = partial(on_trial, LEARNED)
-        between = trial_rows(
-            trials, layout, views, cache, on_between, between=count, network=network
-        )
+        between = trial_rows(trials, layout, moving, cache, on_between, between=count)
     return TrialSet(
         target=target,
         classes=classes,
@@ -162,7 +162,7 @@ def load_trial_set(
         cameras=len(trials[0].cameras),
         layout=layout,
         cut=cut,
-        further=further_crops(cut, between) if further else None,
+        further=further_crops(cut, between, moving) if further and moving else None,
         network=sight.network,
     )
 
