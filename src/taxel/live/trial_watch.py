@@ -16,9 +16,9 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.trials import TrialBundle
+from taxel.bundles.trials import TrialBundle, TrialContract
 from taxel.decisions.trial_verdict import Verdict, VerdictConfig, join_crops, no_verdict
-from taxel.errors import BadSource
+from taxel.errors import BadBundle, BadSource
 from taxel.frame_codec import decode_frame
 from taxel.live.camera_health import CameraHealth
 from taxel.plain_text import number_of
@@ -197,6 +197,19 @@ def verdict_config(bundle: TrialBundle, least_confidence: float = 0.5) -> Verdic
     )
 
 
+def check_trials(contract: TrialContract, trials: Sequence[CameraTrial]) -> None:
+    """Refuse trials of other cameras than a bundle was made for, before the first is looked at.
+
+    Raises:
+        BadBundle: There is one; it is named.
+    """
+    for trial in trials:
+        try:
+            contract.check([(trial.width, trial.height)] * len(trial.cameras), [trial.rate_hz])
+        except BadBundle as error:
+            raise BadBundle(error.needed, f"{error.got} in {trial.name}", error.mend) from error
+
+
 def predict_crop(
     bundle: TrialBundle, images: Sequence[Sequence[NDArray[np.uint8]]]
 ) -> tuple[NDArray[np.float64], float]:
@@ -229,8 +242,8 @@ def predict_trials(
         BadTable: A video cannot be read.
     """
     contract, config = bundle.contract, verdict_config(bundle, least_confidence)
+    check_trials(contract, trials)
     for trial in trials:
-        contract.check([(trial.width, trial.height)] * len(trial.cameras), [trial.rate_hz])
         if trial.frames < contract.crop:
             count = f"{trial.frames} frame{'s' * (trial.frames != 1)}"
             yield no_verdict(contract.classes, f"{count}, fewer than a crop")
