@@ -67,7 +67,7 @@ def test_live_names_a_recording_without_the_cameras_before_it_prints(
 def test_a_trial_of_another_camera_is_named_before_the_first_is_looked_at(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Before, with --json the verdicts on those above it were lost, and nobody knew which it was."""
+    """Before, with --json the verdicts on those above it were lost, and it had no name."""
     for number, width in enumerate((30, 31)):
         np.save(tmp_path / f"{number}.npy", np.zeros((9, 20, width), np.uint8))
     table = tmp_path / "t.csv"

@@ -95,9 +95,7 @@ def trial_rows(
     )
 
 
-def further_crops(
-    cut: TrialRows, between: TrialRows | None, views: Sequence[str]
-) -> Crops | None:
+def further_crops(cut: TrialRows, between: TrialRows | None, views: Sequence[str]) -> Crops | None:
     """Return crops that are only learned from; None where there are none.
 
     Those between the places; and, of several cameras, what each alone shows in every crop.
