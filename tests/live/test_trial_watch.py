@@ -1,14 +1,17 @@
 """A camera trial that no mark ends: its memory and its looks stay as they were (0041)."""
 
+from dataclasses import replace
+from itertools import count
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from taxel.live import trial_watch
-from taxel.live.trial_session import TrialTally
-from taxel.live.trial_watch import TrialWatch
-from taxel.signals import CameraInfo, Frame
+from taxel.live import trial_session, trial_watch
+from taxel.live.trial_session import TrialTally, run_trial_session
+from taxel.live.trial_watch import TrialAnswer, TrialWatch
+from taxel.recordings.manifest import NO_ARRAY
+from taxel.signals import CameraInfo, Frame, Mark, Samples
 from taxel.windows.pairs import FrameSet
 from taxel.windows.trial_crops import Layout
 
@@ -19,7 +22,7 @@ CAMERA = CameraInfo(name="gel", width=8, height=8, rate_hz=25.0)
 def watch_of(monkeypatch: pytest.MonkeyPatch, crop: int) -> TrialWatch:
     """A watch that keeps few frames, of a model that says how many crops it saw before."""
     contract = SimpleNamespace(
-        classes=("full", "empty"), crop=crop, layout=Layout(crop, 3), sharpness=1.0,
+        target="fill", classes=("full", "empty"), crop=crop, layout=Layout(crop, 3), sharpness=1.0,
         threshold=None, check=lambda *_: None,
     )  # fmt: skip
     crops = iter(range(10**6))
@@ -30,13 +33,78 @@ def watch_of(monkeypatch: pytest.MonkeyPatch, crop: int) -> TrialWatch:
     return TrialWatch(SimpleNamespace(contract=contract), (CAMERA,))  # type: ignore[arg-type]
 
 
-def moment(number: int) -> FrameSet:
+def frame_of(camera: int, number: int) -> Frame:
     time_s = number / 25.0
-    frame = Frame(
-        camera=0, jpeg=b"%d" % number, counter=number, device_s=time_s, arrival_s=time_s,
+    return Frame(
+        camera=camera, jpeg=b"%d" % number, counter=number, device_s=time_s, arrival_s=time_s,
         fitted_s=time_s,
     )  # fmt: skip
-    return FrameSet((frame,))
+
+
+def moment(number: int) -> FrameSet:
+    return FrameSet((frame_of(0, number),))
+
+
+class Cameras:
+    """A source of two cameras that gives a frame of each a read, the right one's for a while."""
+
+    info, cameras = NO_ARRAY, (replace(CAMERA, name="left"), replace(CAMERA, name="right"))
+
+    def __init__(self, left: int, right: int, *, ends: bool) -> None:
+        self.reads, self._counts, self._ends = 0, (left, right), ends
+
+    @property
+    def ended(self) -> bool:
+        return self._ends and self.reads >= max(self._counts)
+
+    def read(self, timeout_s: float = 0.1) -> Samples:
+        self.reads += 1
+        return Samples.empty(0)
+
+    def frames(self) -> list[Frame]:
+        number = self.reads - 1
+        return [frame_of(own, number) for own, last in enumerate(self._counts) if number < last]
+
+    def marks(self) -> list[Mark]:
+        return []
+
+
+@pytest.mark.parametrize("ends", [True, False])
+def test_a_trial_of_which_a_camera_is_gone_is_unknown_then_and_at_its_end(
+    monkeypatch: pytest.MonkeyPatch, ends: bool
+) -> None:
+    """Before, the last verdict stood as long as the other camera went on, and at the end."""
+    bundle = watch_of(monkeypatch, crop=2).bundle
+    answers: list[TrialAnswer] = []
+    source = Cameras(left=14, right=9, ends=ends)
+    tally = run_trial_session(
+        source, bundle, on_answer=lambda answer, changed: changed and answers.append(answer),
+        stopped=lambda: source.reads > 13,
+    )  # fmt: skip
+    assert [answer.verdict.label for answer in answers[-3:]] == ["full", "UNKNOWN", "UNKNOWN"]
+    assert answers[-2].verdict.reason == "the right camera is gone: no frame for 120 ms"
+    assert tally.trials[0]["reason"] == "the right camera is gone: no frame for 200 ms"
+
+
+def test_a_frame_without_its_partner_at_the_end_changes_no_verdict(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bundle = watch_of(monkeypatch, crop=2).bundle
+    tally = run_trial_session(Cameras(left=10, right=9, ends=True), bundle)
+    assert (tally.trials[0]["verdict"], tally.trials[0]["frames"]) == ("full", 9)
+
+
+def test_where_all_cameras_are_silent_the_verdict_is_unknown_and_the_seconds_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Before, the last verdict stood for ever: no frame came whose time could end it."""
+    bundle = watch_of(monkeypatch, crop=2).bundle
+    times = count(9)
+    monkeypatch.setattr(trial_session, "monotonic", lambda: next(times) / 25.0)
+    source = Cameras(left=9, right=9, ends=False)
+    tally = run_trial_session(source, bundle, seconds=1.0, stopped=lambda: source.reads > 200)
+    assert source.reads < 60
+    assert tally.trials[0]["reason"].startswith("the left camera is gone")
 
 
 @pytest.mark.parametrize("crop", [1, 2, 8])

@@ -16,6 +16,8 @@ import sys
 # second, and two waiting OpenMP threads collapse on a busy machine (docs/decisions/0002).
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+# What OpenCV warns of, such as a damaged image, is said in our own line.
+os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
 
 from collections.abc import Sequence
 from difflib import get_close_matches

@@ -71,6 +71,17 @@ class CameraHealth:
                 return reason
         return ""
 
+    def gone(self, now_s: float) -> str:
+        """Return which camera, of those that have sent frames, is gone; empty where none is.
+
+        Args:
+            now_s: As for `doubt`.
+        """
+        for info, watched in zip(self._infos, self._watched, strict=True):
+            if reason := watched.gone(info, now_s):
+                return reason
+        return ""
+
     def rest(self, until_s: float) -> None:
         """Expect no frame before a moment; that ends with each camera's next frame.
 
@@ -138,13 +149,16 @@ class _Watched:
     def doubt(self, info: CameraInfo, now_s: float) -> str:
         if not self._jpeg:
             return REASONS["no frame yet"].say(camera=info.name)
-        if now_s - max(self._arrival_s, self._rest_s) > self._gone_s:
-            silent_ms = 1e3 * (now_s - self._arrival_s)
-            return REASONS["gone"].say(camera=info.name, silent_ms=silent_ms)
-        if not self._frozen:
-            return ""
+        if (gone := self.gone(info, now_s)) or not self._frozen:
+            return gone
         # A simulator repeats an image for so long on purpose only.
         return (SIMULATED if info.simulated else "") + REASONS["frozen"].say(camera=info.name)
+
+    def gone(self, info: CameraInfo, now_s: float) -> str:
+        if not now_s - max(self._arrival_s, self._rest_s) > self._gone_s:  # NaN: no frame yet
+            return ""
+        silent_ms = 1e3 * (now_s - self._arrival_s)
+        return REASONS["gone"].say(camera=info.name, silent_ms=silent_ms)
 
     def rest(self, until_s: float) -> None:
         self._rest_s = until_s

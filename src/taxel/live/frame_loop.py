@@ -48,6 +48,7 @@ def moments_and_marks(
     see: Callable[[Frame], None],
     seconds: float | None = None,
     stopped: Callable[[], bool] = lambda: False,
+    silent: Callable[[], bool] = lambda: False,
 ) -> Iterator[FrameSet | Mark]:
     """Yield each moment that all cameras saw, and each mark behind the moments up to its end.
 
@@ -58,13 +59,16 @@ def moments_and_marks(
         seconds: Length on the frames' fitted clock, seconds; None has no end. Frames and marks
             beyond it are left out, however many a read gives at once.
         stopped: True once it shall end early.
+        silent: Called after each read that gave nothing; True where none is waited for any more.
     """
     end_s: float | None = None
     last_s = -inf
     over = False
     while not (over or source.ended or stopped()):
         source.read()
+        came = False
         for item in frames_and_marks(source, last_s):
+            came = True
             if isinstance(item, Mark):
                 if end_s is None or item.end_s < end_s:
                     yield item
@@ -79,3 +83,4 @@ def moments_and_marks(
             found = pairer.push(item)
             if found is not None:
                 yield found
+        over = over or (not came and silent())

@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import inf
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -17,11 +19,15 @@ from taxel.bundles.trials import TrialBundle
 from taxel.decisions.recognition import UNKNOWN
 from taxel.live.frame_loop import moments_and_marks
 from taxel.live.trial_watch import TrialAnswer, TrialWatch
-from taxel.signals import Mark
+from taxel.signals import Frame, Mark
 from taxel.sources.contract import Source
+from taxel.sources.paced_source import PacedSource
 from taxel.windows.pairs import FramePairer
 
 _NO_RULES = RuleTable(())
+_AFTER_S = 1.0
+"""A session of some seconds ends so long after them where cameras are silent. Source: our choice,
+docs/decisions/0041."""
 _KEPT = 10_000
 """Looks whose times are kept, the latest, so that memory stays constant."""
 
@@ -109,6 +115,27 @@ def run_trial_session(
     pairer = FramePairer(len(source.cameras))
     tally = TrialTally(bundle.contract.target, rules)
     before: tuple[str, int, bool] | None = None
+    last_s = inf
+
+    def show(answer: TrialAnswer | None) -> None:
+        nonlocal before
+        if answer is None:
+            return
+        shown = answer.verdict.label, answer.verdict.crops, bool(answer.verdict.reason)
+        on_answer(answer, shown != before)
+        before = shown
+
+    def see(frame: Frame) -> None:
+        nonlocal last_s
+        if last_s == inf and seconds is not None:
+            last_s = frame.arrival_s + seconds + _AFTER_S
+        show(watch.see(frame))
+
+    def silent() -> bool:
+        if isinstance(source, PacedSource):  # its clock is the recording's
+            return False
+        show(watch.at(monotonic()))
+        return monotonic() > last_s
 
     def finish(mark: Mark | None) -> None:
         nonlocal before
@@ -118,15 +145,13 @@ def run_trial_session(
             on_answer(answer, True)
         before = None
 
-    for found in moments_and_marks(source, pairer, watch.see, seconds, stopped):
+    for found in moments_and_marks(source, pairer, see, seconds, stopped, silent):
         if isinstance(found, Mark):
             finish(found)
             continue
         answer = watch.push(found)
-        shown = answer.verdict.label, answer.verdict.crops, bool(answer.verdict.reason)
         if answer.looked:
             tally.looked(answer.latency_s)
-        on_answer(answer, shown != before)
-        before = shown
+        show(answer)
     finish(None)
     return tally

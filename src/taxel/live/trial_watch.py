@@ -16,9 +16,9 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.trials import TrialBundle
+from taxel.bundles.trials import TrialBundle, TrialContract
 from taxel.decisions.trial_verdict import Verdict, VerdictConfig, join_crops, no_verdict
-from taxel.errors import BadSource
+from taxel.errors import BadBundle, BadSource
 from taxel.frame_codec import decode_frame
 from taxel.live.camera_health import CameraHealth
 from taxel.plain_text import number_of
@@ -83,10 +83,29 @@ class TrialWatch:
         self._novelty, self._crops = 0.0, 0
         self._verdict = no_verdict(self.bundle.contract.classes, "no frame yet")
         self._bad = ""
+        self._gone: TrialAnswer | None = None
 
-    def see(self, frame: Frame) -> None:
-        """Look after a camera's health by every frame of it."""
+    def see(self, frame: Frame) -> TrialAnswer | None:
+        """Look after a camera's health by every frame of it.
+
+        Frames of a camera whose partner is gone make no set, so that `push` hears nothing of it:
+        this gives the verdict UNKNOWN then, None otherwise.
+        """
         self._health.see(frame)
+        return self.at(frame.arrival_s)
+
+    def at(self, now_s: float) -> TrialAnswer | None:
+        """Return the verdict UNKNOWN once a camera that the trial was seen by is gone, else None.
+
+        Args:
+            now_s: This moment, on the clock of `Frame.arrival_s`, seconds.
+        """
+        self._gone = None
+        if self._count and (reason := self._health.gone(now_s)):
+            verdict = no_verdict(self.bundle.contract.classes, reason)
+            time_s = self._sets[-1].time_s
+            self._gone = TrialAnswer(verdict, time_s, self._count, False, False, 0.0)
+        return self._gone
 
     def push(self, found: FrameSet) -> TrialAnswer:
         """Take in the newest frame of each camera; return the verdict so far."""
@@ -114,12 +133,14 @@ class TrialWatch:
     def finish(self) -> TrialAnswer | None:
         """Hear that the trial is over; return the verdict on the whole of it, None without any.
 
-        The next frames begin another trial.
+        It is UNKNOWN where a camera was gone at the end: what the others saw alone is no part of
+        it. The next frames begin another trial.
         """
         if not self._count:
             return None
         started = perf_counter()
-        verdict = self._bad_verdict() or self._whole()
+        gone = None if self._gone is None else self._gone.verdict
+        verdict = self._bad_verdict() or gone or self._whole()
         answer = TrialAnswer(
             verdict, self._sets[-1].time_s, self._count, True, True, perf_counter() - started
         )
@@ -176,6 +197,19 @@ def verdict_config(bundle: TrialBundle, least_confidence: float = 0.5) -> Verdic
     )
 
 
+def check_trials(contract: TrialContract, trials: Sequence[CameraTrial]) -> None:
+    """Refuse trials of other cameras than a bundle was made for, before the first is looked at.
+
+    Raises:
+        BadBundle: There is one; it is named.
+    """
+    for trial in trials:
+        try:
+            contract.check([(trial.width, trial.height)] * len(trial.cameras), [trial.rate_hz])
+        except BadBundle as error:
+            raise BadBundle(error.needed, f"{error.got} in {trial.name}", error.mend) from error
+
+
 def predict_crop(
     bundle: TrialBundle, images: Sequence[Sequence[NDArray[np.uint8]]]
 ) -> tuple[NDArray[np.float64], float]:
@@ -208,8 +242,8 @@ def predict_trials(
         BadTable: A video cannot be read.
     """
     contract, config = bundle.contract, verdict_config(bundle, least_confidence)
+    check_trials(contract, trials)
     for trial in trials:
-        contract.check([(trial.width, trial.height)] * len(trial.cameras), [trial.rate_hz])
         if trial.frames < contract.crop:
             count = f"{trial.frames} frame{'s' * (trial.frames != 1)}"
             yield no_verdict(contract.classes, f"{count}, fewer than a crop")

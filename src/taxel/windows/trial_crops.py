@@ -49,6 +49,9 @@ _BANDS: Final = ((1, 3), (3, 8), (8, 1000))
 """Cycles a crop: 0.5 to 1.5, 1.5 to 4 and above 4 Hz for 48 frames at 25 frames a second."""
 STATISTICS: Final = 9 + len(_BANDS)
 """Numbers that a column's course is summed up in."""
+LARGEST_RATIO: Final = 100
+"""Of an image's longer side to its shorter: far beyond it what is seen, 160 pixels wide, has no row
+of pixels or fills memory. Source: our choice, docs/decisions/0041."""
 _FURTHEST: Final = 1e6
 """What a row may hold; nothing that is measured here comes near. Source: our choice."""
 

@@ -314,3 +314,13 @@ def test_unknown_is_said_of_a_trial_shorter_than_a_crop(tmp_path: Path) -> None:
     verdict = next(predict_trials(bundle, read_camera_trials(short)))
     assert verdict.label == UNKNOWN
     assert "fewer than a crop" in verdict.reason
+
+
+def test_images_that_are_nearly_a_line_are_refused(tmp_path: Path) -> None:
+    """Before, the picture that movement is followed in had no row, and OpenCV's error came up."""
+    for number in range(2):
+        images = np.random.default_rng(number).integers(0, 256, (3, 2, 640), np.uint8)
+        np.save(tmp_path / f"{number}.npy", images)
+    (tmp_path / "t.csv").write_text("camera:gel,label:kind\n0.npy,a\n1.npy,b\n")
+    with pytest.raises(BadDataset, match="by a factor of at most 100; got 640×2"):
+        load_trial_set(read_camera_trials(tmp_path / "t.csv"), None, tmp_path / "cache")

@@ -16,6 +16,7 @@ from trial_makers import as_avi, as_folder, few_small_members, write_trials
 from taxel.actions.rule_table import RuleTable
 from taxel.bundles.trials import (
     IN_RUN,
+    TrialContract,
     contract_from_json,
     contract_to_json,
     read_trial_contract,
@@ -29,6 +30,7 @@ from taxel.evaluation.camera_trials.learned_trials import trained_on
 from taxel.frame_codec import decode_frame
 from taxel.live.frame_loop import moments_and_marks
 from taxel.live.trial_replay import TrialReplay
+from taxel.live.trial_watch import predict_trials
 from taxel.recordings.imports.video_rows import read_video_rows
 from taxel.recordings.imports.videos import import_videos
 from taxel.recordings.manifest import Manifest
@@ -60,6 +62,29 @@ def test_live_names_a_recording_without_the_cameras_before_it_prints(
     with pytest.raises(BadBundle, match=f"{file}, which holds 0 and an array of 2 channels"):
         live_trials(tmp_path / "a.taxel", str(tmp_path), None, 0.5, **words)
     assert capsys.readouterr().out == ""
+
+
+def test_a_trial_of_another_camera_is_named_before_the_first_is_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before, with --json the verdicts on those above it were lost, and it had no name."""
+    for number, width in enumerate((30, 31)):
+        np.save(tmp_path / f"{number}.npy", np.zeros((9, 20, width), np.uint8))
+    table = tmp_path / "t.csv"
+    table.write_text("camera:gel\n0.npy\n1.npy\n")
+    contract = TrialContract(
+        target="kind", classes=("a", "b"), crop=9, places=1, views=("pixels",), versions=("",),
+        cameras=1, width=30, height=20, rate_hz=25.0, mm_per_px=0.065, sharpness=1.0,
+        threshold=None, data_digest="", measured={}, software="",
+    )  # fmt: skip
+    bundle = SimpleNamespace(contract=contract)
+    monkeypatch.setattr("taxel.bundles.trials.read_trial_bundle", lambda *_: bundle)
+    words = {"as_json": False, "rules": RuleTable(()), "device": "cpu"}
+    with pytest.raises(BadBundle, match="frames of 30×20; got 31×20 in 0002-1"):
+        live_trials(tmp_path / "a.taxel", str(table), None, 0.5, **words)
+    assert capsys.readouterr().out == ""
+    with pytest.raises(BadBundle, match="31×20 in 0002-1"):
+        next(predict_trials(bundle, read_camera_trials(table)))  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

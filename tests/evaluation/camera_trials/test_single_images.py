@@ -1,6 +1,8 @@
 """Trials of one image, or of fewer than a crop: they work in every verb, and no length shows."""
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -155,3 +157,30 @@ def test_live_says_that_a_table_of_a_video_works_in_place(
 def test_audit_names_the_verb_for_single_images(tmp_path: Path) -> None:
     with pytest.raises(BadDataset, match=r"3 frames.*24 trials.*taxel evaluate-trials --split"):
         read_touch(pictures(tmp_path / "set"), None, lambda *_: None)
+
+
+def test_a_damaged_image_gives_one_line_and_leaves_nothing(tmp_path: Path) -> None:
+    """Before, a warning of OpenCV stood above it."""
+    table = pictures(tmp_path / "set")
+    image = tmp_path / "set" / "touch_1_img_0.png"
+    image.write_bytes(image.read_bytes()[:1000])
+    words = ["train-trials", table, "--no-network", "--cache", tmp_path / "cache"]
+    run = tmp_path / "run"
+    command = [sys.executable, "-m", "taxel.cli.main", *map(str, words), "--output", str(run)]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert ended.stderr.count("\n") == 1
+    assert f"{image}: a damaged one" in ended.stderr
+    assert not run.exists()
+
+
+def test_a_split_that_cannot_be_made_is_refused_before_images_are_looked_at(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before, all trials were looked at first, which takes long."""
+    cache = tmp_path / "cache"
+    table = pictures(tmp_path / "set")
+    with pytest.raises(SystemExit):
+        main(["evaluate-trials", str(table), "--split", "group:cup", "--cache", str(cache)])
+    assert "cup" in capsys.readouterr().err
+    assert not cache.exists()

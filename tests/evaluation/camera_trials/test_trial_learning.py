@@ -35,6 +35,7 @@ from taxel.training.camera_trials.rank_sums import Steady
 from taxel.training.camera_trials.weights import weigh
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_crops import (
+    MOVEMENT,
     Scene,
     look_at,
     row_of,
@@ -77,13 +78,21 @@ def test_further_crops_and_mirror_images_stay_on_their_trials_side() -> None:
 def test_crops_that_are_only_learned_from_are_kept(
     cameras: int, crops: int, tmp_path: Path
 ) -> None:
-    """Six lie between the three; of two cameras, each alone gives every crop once more."""
+    """Six lie between the three; of two cameras, each alone gives every crop once more.
+
+    They are seen as those who learn from them do, by movement alone: the rest would take long.
+    """
     trials = read_camera_trials(
         write_trials(tmp_path / "a", objects=2, each=2, shorter=4, cameras=cameras)
     )
     load = partial(load_trial_set, trials, "slipped", tmp_path / "kept", further=True)
-    first, again = load().further, load().further
+    whole, again = load(), load().further
+    first = whole.further
     assert first is not None
+    assert first.rows.shape[1] == whole.widths["pixels"] + whole.widths["slip"]
+    between = [own.name for own in (tmp_path / "kept" / "trials").glob("*-between-*")]
+    assert {name.split("-")[0] for name in between} == {"pixels", "slip"}
+    assert all(set(member.views) <= set(MOVEMENT) for member in MEMBERS if member.further)
     assert again is not None
     assert np.bincount(first.trial).tolist() == [crops] * len(trials)
     assert np.array_equal(first.rows, again.rows)

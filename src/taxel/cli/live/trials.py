@@ -44,7 +44,7 @@ def live_trials(
     if opened.contract.crop == 1 and not as_json:
         say("note: trials of 1 frame: pictures alone, no motion")
     with stop_signals(SUMMARY_FOLLOWS) as stopped:
-        for name, open_trial in _trials(source):
+        for name, open_trial in _trials(source, opened.contract):
             if name and not as_json:
                 say(f"{visible(name)}:")
             with open_trial() as found:
@@ -160,15 +160,22 @@ def _nothing(answer: TrialAnswer, changed: bool) -> None:
     """Show nothing."""
 
 
-def _trials(source: str) -> list[tuple[str, Callable[[], Source]]]:
-    """Return each trial's name and what opens it; the name is empty for another source."""
+def _trials(source: str, contract: TrialContract) -> list[tuple[str, Callable[[], Source]]]:
+    """Return each trial's name and what opens it; the name is empty for another source.
+
+    Raises:
+        BadBundle: A table's trial is of other cameras than the bundle's.
+    """
     from taxel.live.trial_replay import TrialReplay
+    from taxel.live.trial_watch import check_trials
     from taxel.sources.opening import open_source, recordings_of, replayed_files
     from taxel.windows.camera_trials import read_camera_trials
 
     path = Path(source)
     if _is_table(path):
-        return [(trial.name, partial(TrialReplay, trial)) for trial in read_camera_trials(path)]
+        trials = read_camera_trials(path)
+        check_trials(contract, trials)
+        return [(trial.name, partial(TrialReplay, trial)) for trial in trials]
     addresses = recordings_of(f"replay://{path}?speed=max" if path.is_dir() else source)
     names = [""]
     if addresses != [source]:  # a folder

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
 from typing import Final
 
@@ -21,7 +22,7 @@ from taxel.training.camera_trials.features import TrialRows, further_crops, tria
 from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.learning import Crops, Learning
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import USUAL, Layout
+from taxel.windows.trial_crops import LARGEST_RATIO, MOVEMENT, USUAL, Layout
 from taxel.windows.trial_layout import choose_layout, count_between
 
 Rows = NDArray[np.float32]
@@ -79,7 +80,7 @@ class TrialSet:
     layout: Layout
     cut: TrialRows
     further: Crops | None = None
-    """Crops that are only learned from."""
+    """Crops that are only learned from, of the views of movement, which stand first."""
     network: ImageNetwork | None = None
     """What the view of that name looked through; None where there is no such view."""
 
@@ -171,8 +172,8 @@ def load_trial_set(
         on_trial: Called with the pass over the trials, trials done and in all.
 
     Raises:
-        BadDataset: A trial lacks the label, there is one class only, or cameras differ in size or
-            rate.
+        BadDataset: A trial lacks the label, there is one class only, cameras differ in size or
+            rate, or images are hundreds of times as long as wide.
         BadInput: The crop does not fit.
     """
     labelled = labelled_trials(trials, target)
@@ -181,6 +182,10 @@ def load_trial_set(
         raise BadDataset("images of one size in all trials",
                          " and ".join(f"{w}×{h}" for w, h in sorted(sizes)[:3]),
                          "make a table of each size")  # fmt: skip
+    ((width, height),) = sizes
+    if max(width, height) > LARGEST_RATIO * min(width, height):
+        raise BadDataset(f"images whose sides differ by a factor of at most {LARGEST_RATIO}",
+                         f"{width}×{height}", "cut them to what was touched")  # fmt: skip
     lengths = [trial.frames for trial in trials]
     layout = choose_layout(lengths, crop)
     least, most = (chosen(trials, key=lambda trial: trial.rate_hz) for chosen in (min, max))
@@ -192,13 +197,12 @@ def load_trial_set(
         )  # fmt: skip
     views, network = sight.all_views, sight.network
     cut = trial_rows(trials, layout, views, cache, partial(on_trial, JUDGED), network=network)
-    count = count_between(layout, len(trials)) if further else 0
+    moving = tuple(takewhile(MOVEMENT.__contains__, views))
+    count = count_between(layout, len(trials)) if further and moving else 0
     between = None
     if count:
         on_between = partial(on_trial, LEARNED)
-        between = trial_rows(
-            trials, layout, views, cache, on_between, between=count, network=network
-        )
+        between = trial_rows(trials, layout, moving, cache, on_between, between=count)
     return TrialSet(
         target=labelled.target,
         classes=labelled.classes,
@@ -209,7 +213,7 @@ def load_trial_set(
         cameras=len(trials[0].cameras),
         layout=layout,
         cut=cut,
-        further=further_crops(cut, between) if further else None,
+        further=further_crops(cut, between, moving) if further and moving else None,
         network=sight.network,
     )
 

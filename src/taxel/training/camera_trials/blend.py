@@ -61,7 +61,8 @@ class TrialMember:
     mirrored: bool = False
     """Whether it learns from mirror images of the crops too; it is never asked about them."""
     further: bool = False
-    """Whether it learns from further crops too: those between the places, and each camera alone."""
+    """Whether it learns from further crops too, of which movement alone is kept: those between the
+    places, and each camera alone."""
 
     @property
     def kind(self) -> str:

@@ -95,17 +95,19 @@ def trial_rows(
     )
 
 
-def further_crops(cut: TrialRows, between: TrialRows | None) -> Crops | None:
+def further_crops(cut: TrialRows, between: TrialRows | None, views: Sequence[str]) -> Crops | None:
     """Return crops that are only learned from; None where there are none.
 
     Those between the places; and, of several cameras, what each alone shows in every crop.
 
     Args:
         cut: Crops that trials are judged by.
-        between: Crops between their places.
+        between: Crops between their places, of those views.
+        views: The first of `cut`, so that columns keep their place; of the others, which nobody
+            learns from here, nothing is kept.
     """
     parts = [] if between is None else [Crops(between.whole, between.trial)]
-    parts += [_alone(own) for own in (cut, between) if own is not None and own.cameras > 1]
+    parts += [_alone(own, views) for own in (cut, between) if own is not None and own.cameras > 1]
     if not parts:
         return None
     return Crops(
@@ -114,11 +116,11 @@ def further_crops(cut: TrialRows, between: TrialRows | None) -> Crops | None:
     )
 
 
-def _alone(cut: TrialRows) -> Crops:
+def _alone(cut: TrialRows, views: Sequence[str]) -> Crops:
     rows = [
         np.concatenate(list(row.values()))
         for at in range(len(cut.trial))
-        for row in rows_alone({name: values[at] for name, values in cut.shown.items()})
+        for row in rows_alone({name: cut.shown[name][at] for name in views})
     ]
     return Crops(np.stack(rows), np.repeat(cut.trial, cut.cameras))
 

@@ -18,7 +18,7 @@ class Crops:
     """Further crops of trials, which are learned from and never asked about."""
 
     rows: Rows
-    """Shape (n, columns): all views side by side."""
+    """Shape (n, columns): views side by side, all or the first."""
     trial: NDArray[np.intp]
     """Shape (n,): which trial a crop is of."""
 
