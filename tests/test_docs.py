@@ -98,8 +98,8 @@ def test_the_own_array_page_works_as_it_is_written(tmp_path, monkeypatch, capsys
         main(words[1:])  # bad input would raise SystemExit
         done.append(words[1])
 
-    assert done == ["import", "info", "view", "audit", "evaluate", "train", "bundle", "evaluate",
-                    "live", "train", "bundle", "live"]  # fmt: skip
+    assert done == ["import", "info", "view", "audit", "evaluate", "split", "train", "bundle",
+                    "evaluate", "live", "train", "bundle", "live"]  # fmt: skip
     assert "accuracy against ground truth" in capsys.readouterr().out
     assert (tmp_path / "object.taxel").is_file()
 
