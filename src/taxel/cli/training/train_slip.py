@@ -47,7 +47,7 @@ class TrainSlip:
     and the rate of false alarms is kept on either."""
     cups: int | None = None
     """Simulated cups to learn from, 8 to 480; unless given 480, which takes 25 minutes of one core
-    from an empty folder; with --gel 2 120, eight minutes; with --gel both 240, forty minutes.
+    from an empty folder; with --gel 2 120, eight minutes; with --gel both 240, fifty minutes.
     Fewer cups make a worse warning."""
     false_alarms: float = 0.3
     """Largest accepted number of false alarms per minute of grasps that hold (median over held-out
@@ -162,6 +162,8 @@ def _print(
         f"{promise.hold_min:.0f} minutes that hold; {promise.asked_per_min:g} were asked",
         soft_wrap=True,
     )
+    if len(scores) > 1:
+        console.print("  (of the two gels, the one that needs the higher threshold sets it)")
     for gel, own in scores.items():
         if len(scores) > 1:
             rate = own.events.false_alarms_per_min

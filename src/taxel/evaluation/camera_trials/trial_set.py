@@ -65,15 +65,9 @@ class LabelledTrials:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrialSet:
+class TrialSet(LabelledTrials):
     """Labelled camera trials, cut and looked at."""
 
-    target: str
-    classes: tuple[str, ...]
-    y: NDArray[np.intp]
-    """Shape (trials,): index into `classes`."""
-    names: tuple[str, ...]
-    groups: tuple[Mapping[str, str], ...]
     lengths: NDArray[np.intp]
     """Shape (trials,): frames."""
     cameras: int

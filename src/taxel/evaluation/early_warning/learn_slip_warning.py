@@ -131,7 +131,14 @@ def training_features(
 def noisy_features(
     pours: Sequence[PourRows], noise: PoseNoise, seed: int = 0, gel: Gel = 1
 ) -> list[PourFeatures]:
-    """Return the features of pours whose exact poses are known, as images would give them."""
+    """Return the features of pours whose exact poses are known, as images would give them.
+
+    Args:
+        pours: With exact poses.
+        noise: What images would add.
+        seed: Of the noise.
+        gel: How the gels shear.
+    """
     return rim_features(
         [add_noise(pour, noise, np.random.default_rng([seed, pour.run.seed])) for pour in pours],
         gel,
@@ -179,9 +186,9 @@ def promised(tracks: Sequence[WarningTrack]) -> list[WarningTrack]:
 
 
 def keep_promises(tracks: Sequence[WarningTrack], per_min: float) -> Promise:
-    """Return the promise on the pours promised on; the higher threshold of two versions of gels.
+    """Return the promise over `PROMISED_KINDS`; of two gels' promises that of the higher threshold.
 
-    Nobody knows how a real gel shears, so that false alarms stay within the promise on either.
+    Nobody knows how a real gel shears, so false alarms stay within the promise on either version.
 
     Args:
         tracks: Training pours, each driven by a head that had not seen its cup.

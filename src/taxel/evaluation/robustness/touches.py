@@ -43,7 +43,6 @@ from taxel.windows.windower import Windows, cut_windows
 ANSWER_ALL = RecogniseConfig(least_confidence=0.0)
 """No answer is UNKNOWN for its confidence, so that curves of any number of classes compare.
 Source: our choice, docs/decisions/0029."""
-"""A window this little outside its touch still belongs to it, seconds: hides float rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
