@@ -13,6 +13,7 @@ from taxel.actions.grip_policy import (
     PixelDifference,
     PixelDifferenceConfig,
 )
+from taxel.bench.closed_loop.gels import grips_on_both_gels
 from taxel.bench.closed_loop.scores import LoopCase, LoopScores, score_loops
 from taxel.bench.closed_loop.tuning import (
     RunProbabilities,
@@ -23,7 +24,7 @@ from taxel.bench.closed_loop.tuning import (
     tune_loop,
 )
 from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
-from taxel.bundles.shipped import CUP_POUR, shipped_bundle
+from taxel.bundles.shipped import BOTH_GELS, CUP_POUR, shipped_bundle
 from taxel.errors import BadInput
 from taxel.live.closed_loop import (
     GripCommand,
@@ -39,6 +40,7 @@ from taxel.live.closed_loop import (
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
 from taxel.sim.pour.cups import PourRun
+from taxel.sim.pour.state import TRUTH_CHANNELS
 
 SHORT = LoopConfig(duration_s=3.0)
 DROPS = next(
@@ -96,6 +98,33 @@ def test_the_monitor_that_comes_with_taxel_saves_the_cup_and_leaves_one_that_hol
     assert saved.raised_s is not None
     assert still.raised_s is None
     assert not still.dropped
+
+
+def test_gels_that_shear_look_otherwise_in_the_loop_while_the_cup_moves_alike() -> None:
+    short = LoopConfig(duration_s=0.2)
+    pours = [open_pour(DROPS, replace(short, gel=gel)) for gel in (1, 2)]
+    images, truths = [], []
+    while not pours[0].ended:
+        steps = [pour.step() for pour in pours]
+        images += [tuple(frame.jpeg for frame in frames) for frames, _ in steps]
+        truths.append([samples.values[0][: len(TRUTH_CHANNELS)] for _, samples in steps])
+
+    rigid, shearing = images[::2], images[1::2]
+    assert [len(frames) for frames in rigid] == [len(frames) for frames in shearing]
+    assert rigid != shearing
+    np.testing.assert_array_equal(*np.array(truths).swapaxes(0, 1))
+
+
+@pytest.mark.slow
+def test_grips_on_both_gels_are_counted_for_each_warning_and_each_gel() -> None:
+    rows = {row.name: row for row in grips_on_both_gels(workers=1, runs=[DROPS])}
+
+    assert len(rows) == 12
+    for gel in ("rigid gels", "gels that shear"):
+        name = f"{BOTH_GELS} as it comes, {gel}"
+        assert rows[f"{name}: preventable drops prevented"].value == 1.0
+        assert "1 of 1 in 1 pour of 1 cup" in rows[f"{name}: preventable drops prevented"].note
+        assert rows[f"{name}: raised needlessly in pours that hold"].value is None
 
 
 def test_until_the_first_raise_arrives_the_pour_is_the_one_without_taxel(

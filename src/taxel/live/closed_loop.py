@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from taxel.actions.grip_policy import GripPolicy, PixelDifference
 from taxel.frame_codec import decode_jpeg
 from taxel.live.grasp_monitor import GraspMonitor
+from taxel.sim.pour.cup_pour import Gel
 from taxel.sim.pour.cups import PourRun
 from taxel.sim.pour.grip_response import GrippedPour, GripResponseConfig
 from taxel.sim.pour.state import TRUTH_CHANNELS
@@ -52,6 +53,9 @@ class LoopConfig:
     is not held up. Source: our choice, above the measured 99 %, docs/decisions/0017."""
     response: GripResponseConfig = field(default_factory=GripResponseConfig)
     """The gripper's."""
+    gel: Gel = 1
+    """How the gels that the cameras see shear; the cup moves alike in both
+    (docs/decisions/0037)."""
 
 
 class GripRule(Protocol):
@@ -200,7 +204,9 @@ def run_loop(pour: SteppedPour, grip: GripRule, config: LoopConfig) -> LoopTrack
 
 def open_pour(run: PourRun, config: LoopConfig) -> SteppedPour:
     """Return a pour at its beginning."""
-    return SteppedPour(run, config.camera_hz, config.frame_hz, config.duration_s, config.response)
+    return SteppedPour(
+        run, config.camera_hz, config.frame_hz, config.duration_s, config.response, gel=config.gel
+    )
 
 
 def replay_loop(

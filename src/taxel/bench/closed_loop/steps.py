@@ -23,6 +23,7 @@ import numpy as np
 
 from taxel.actions.grip_policy import GripPolicy, PixelDifference, PixelDifferenceConfig
 from taxel.bench.closed_loop.bound import grip_bound
+from taxel.bench.closed_loop.gels import grips_on_both_gels
 from taxel.bench.closed_loop.pours import FAILING, HARD, UNSEEN, is_preventable
 from taxel.bench.closed_loop.scores import (
     NEEDLESS,
@@ -84,7 +85,11 @@ def quick_steps() -> list[tuple[str, Measure]]:
 
 def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
     """Return the measurements that take longer than a few minutes; `data` is not used."""
-    return [("training cups, then unseen cups", unseen_cups), ("bound of grips", bound_of_grips)]
+    return [
+        ("training cups, then unseen cups", unseen_cups),
+        ("grips on both gels", grips_on_both_gels),
+        ("bound of grips", bound_of_grips),
+    ]
 
 
 def data_digest(data: Path | None) -> str:
