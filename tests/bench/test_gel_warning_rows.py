@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from taxel.bench.transitions import gel_warning, slip_warning
+from taxel.bench.transitions.gel_kinds import judge_kinds
 from taxel.bench.transitions.gel_warning import judge_rows, rendered
 from taxel.bench.transitions.slip_warning import Warner, shipped_warner
 from taxel.bundles.grasp import read_grasp_bundle
@@ -13,6 +14,7 @@ from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.evaluation.early_warning.learn_slip_warning import rule_drive
 from taxel.gel.slip_signal import TURN_MM
 from taxel.sim.pour.cup_pour import Gel
+from taxel.sim.pour.cups import OTHER_KINDS
 from taxel.training.slip.cups import (
     TEST_CUPS,
     GelRows,
@@ -128,3 +130,23 @@ def test_what_ships_is_judged_as_it_ships_and_alone_has_goals(monkeypatch: pytes
     assert f"threshold {warner.threshold:.3f}" in forecast.note
     assert named["slip warning, forecast: false alarms"].value == 0.0
     assert named["slip warning, the rule without learning: false alarms"].value == 0.0
+
+
+def test_other_grasps_have_a_row_of_false_alarms_and_one_of_misses_for_each_kind():
+    pours = [
+        replace(pour, run=replace(pour.run, kind=kind))
+        for kind in OTHER_KINDS
+        for pour in (turns(TEST_CUPS[0], 1.0, 0.1), turns(TEST_CUPS[1], 0.0, 0.1))
+    ]
+    rows = {row.name: row for row in judge_kinds([Warner("rule", rule_drive, 0.3, "")], pours, "g")}
+
+    assert len(rows) == 2 * len(OTHER_KINDS)
+    for kind in OTHER_KINDS:
+        assert rows[f"slip warning, rule, {kind}, g: missed"].value == 0.0
+        assert "1 slip," in rows[f"slip warning, rule, {kind}, g: missed"].note
+        assert rows[f"slip warning, rule, {kind}, g: false alarms"].value == 0.0
+
+
+def test_a_kind_that_nothing_is_rendered_of_has_no_value():
+    rows = judge_kinds([Warner("rule", rule_drive, 0.3, "")], [turns(TEST_CUPS[0], 0.0, 0.1)], "g")
+    assert [row.value for row in rows] == [None] * len(OTHER_KINDS)

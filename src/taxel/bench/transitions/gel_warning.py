@@ -59,7 +59,18 @@ SHIPPED: Final = {
 """What warns, head and threshold as they come with taxel → its name in rows."""
 _LEAD_S, _MOST_PER_MIN = 0.25, 0.5
 """Goals. Source: issue 15."""
-_GELS: Final[tuple[Gel, ...]] = (1, 2)
+GELS: Final[tuple[Gel, ...]] = (1, 2)
+"""Versions of the gel."""
+
+
+def pose_file(folder: Path, cup: int, part: str, gel: Gel) -> Path:
+    """Return where the poses of a part of a cup's grasps are kept."""
+    return folder / f"{cup}-{part}{'' if gel == 1 else '-gel-2'}.npz"
+
+
+def follow(gel: Gel) -> Callable[[Sequence[PourRun]], list[PourRows]]:
+    """Return what renders runs with a version of the gel and follows the images as live."""
+    return partial(seen_pours, gel=gel)
 
 
 def render(folder: Path, on_step: Callable[[str], None] = lambda _: None) -> None:
@@ -69,19 +80,21 @@ def render(folder: Path, on_step: Callable[[str], None] = lambda _: None) -> Non
     cv2.setNumThreads(1)
     for part in range(PARTS):
         for cup in TESTED:
-            for gel in _GELS:
+            for gel in GELS:
                 on_step(f"gel {gel}, part {part} of test cup {cup}")
-                keep_runs(_file(folder, cup, part, gel), paper_part(cup, part), _follow(gel))
+                keep_runs(
+                    pose_file(folder, cup, f"paper-{part}", gel), paper_part(cup, part), follow(gel)
+                )
 
 
 def rendered(folder: Path) -> dict[Gel, list[PourRows]]:
     """Return the pours of test cups that are kept with both gels, in the same order."""
-    found: dict[Gel, list[PourRows]] = {gel: [] for gel in _GELS}
+    found: dict[Gel, list[PourRows]] = {gel: [] for gel in GELS}
     for part in range(PARTS):
         for cup in TESTED:
-            files = [_file(folder, cup, part, gel) for gel in _GELS]
+            files = [pose_file(folder, cup, f"paper-{part}", gel) for gel in GELS]
             if all(file.exists() for file in files):
-                for gel, file in zip(_GELS, files, strict=True):
+                for gel, file in zip(GELS, files, strict=True):
                     found[gel] += keep_runs(file, paper_part(cup, part))
     return found
 
@@ -179,11 +192,3 @@ def _rows(name: str, tracks: Sequence[WarningTrack], warner: Warner, *, goals: b
         missed,
         Row(name=alarms, value=float(rate), unit="1/min", goal="", ok=None, note=alarmed),
     ]
-
-
-def _file(folder: Path, cup: int, part: int, gel: Gel) -> Path:
-    return folder / f"{cup}-paper-{part}{'' if gel == 1 else '-gel-2'}.npz"
-
-
-def _follow(gel: Gel) -> Callable[[Sequence[PourRun]], list[PourRows]]:
-    return partial(seen_pours, gel=gel)

@@ -60,6 +60,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("slip warning", slip_warning),
         ("bound of warnings", bound_of_warnings),
         ("warnings on both gels", warnings_on_both_gels),
+        ("other grasps on both gels", other_grasps_on_both_gels),
         ("warnings by kind", warnings_by_kind),
         ("start of a grasp", grasp_starts),
         ("markers' residual", lambda: gel_shear.residual_rows(data)),
@@ -316,6 +317,13 @@ def warnings_on_both_gels() -> list[Row]:
     from taxel.bench.transitions.gel_warning import gel_warning_rows
 
     return gel_warning_rows()
+
+
+def other_grasps_on_both_gels() -> list[Row]:
+    """Warn of slip in pushes, pours without slip, failing grips and sudden slips, on both gels."""
+    from taxel.bench.transitions.gel_kinds import gel_kind_rows
+
+    return gel_kind_rows()
 
 
 def warnings_by_kind() -> list[Row]:
