@@ -18,6 +18,7 @@ from torch.nn import functional
 from taxel.errors import BadInput
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.models.heads import HEADS, TreesHead, walk
+from taxel.models.kernel_features import KERNELS, KernelFeatures
 from taxel.models.touch_features import BLOCKS, UNIT, TouchFeatures
 
 EXPERT = "expert"
@@ -114,6 +115,7 @@ class Blend(nn.Module):
         weights: One a part; their sum is 1.
         sharpness: One a part: what its logits are multiplied by.
         last: What the logarithm of the whole is multiplied by.
+        kernels: Fitted features, where a part sees `KERNELS`.
     """
 
     plan: Tensor
@@ -128,6 +130,7 @@ class Blend(nn.Module):
         weights: tuple[float, ...] = (),
         sharpness: tuple[float, ...] = (),
         last: float = 1.0,
+        kernels: KernelFeatures | None = None,
     ) -> None:
         super().__init__()
         text = json.dumps(asdict(plan)) if plan is not None else ""
@@ -140,12 +143,22 @@ class Blend(nn.Module):
         self._seen: list[int | None] = []
         self._padded = True
         if plan is not None:
-            self._share_features(plan)
+            self._share_features(plan, kernels)
 
-    def _share_features(self, plan: Plan) -> None:
-        """Compute each set of features once, however many members see it."""
+    def _share_features(self, plan: Plan, kernels: KernelFeatures | None = None) -> None:
+        """Compute each set of features once, however many members see it.
+
+        Args:
+            plan: What there is.
+            kernels: Those that are fitted; None: they are about to be loaded.
+        """
         sets = list(dict.fromkeys(part.blocks for part in plan.parts if part.blocks))
-        self.features = nn.ModuleList(TouchFeatures(blocks, plan.pads) for blocks in sets)
+        self.features = nn.ModuleList(
+            kernels or KernelFeatures()
+            if blocks == (KERNELS,)
+            else TouchFeatures(blocks, plan.pads)
+            for blocks in sets
+        )
         self._padded = plan.padded
         self._seen = [sets.index(part.blocks) if part.blocks else None for part in plan.parts]
 
@@ -217,7 +230,9 @@ def read_plan(text: bytes) -> Plan:
 
 def _part(given: Fields, steps: int) -> Part:
     head, blocks = given.text("head"), given.texts("blocks")
-    unknown = [name for name in blocks if name.removeprefix(UNIT) not in BLOCKS]
+    unknown = [
+        name for name in blocks if name.removeprefix(UNIT) not in BLOCKS and blocks != (KERNELS,)
+    ]
     network = head.startswith(NETWORK) and _rows_fit(head, steps)
     if unknown or (head not in HEADS and not network):
         raise ValueError(f"{head} on {', '.join(blocks)}")

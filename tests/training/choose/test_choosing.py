@@ -14,6 +14,7 @@ from taxel.evaluation.expert import Task, measure, train_expert
 from taxel.evaluation.outer_split import OuterSplit
 from taxel.evaluation.table_split import GivenSplit
 from taxel.models.blend import Blend, read_plan
+from taxel.models.kernel_features import KERNELS, KernelFeatures
 from taxel.models.touchnet import TouchNet
 from taxel.training.choose.budget import TRYING, Budget
 from taxel.training.choose.candidates import Candidate, feature_sets, first_round
@@ -347,7 +348,46 @@ def test_discriminants_on_every_set_come_before_the_network_and_further_forests(
     tried = [(own.model, own.features) for own in first_round(sets, 400)]
     before = tried[: tried.index(("touchnet", ""))]
 
-    assert {features for model, features in before if "discriminant" in model} == set(sets)
+    assert {features for model, features in before if "discriminant" in model} == set(sets) - {
+        KERNELS
+    }
     assert [model for model, _ in before if "trees" in model or "forest" in model] == [
         "extra-trees"
     ]
+
+
+@pytest.mark.slow
+def test_models_on_kernels_share_features_that_are_saved_with_them(base: Base, tmp_path: Path):
+    (prepared, *_) = prepare_all(base)
+    members = tuple(
+        Member(candidate=Candidate(family, model, KERNELS, strength), blocks=(KERNELS,),
+               weight=0.5, sharpness=1.0)
+        for family, model, strength in (
+            ("trees", "extra-trees", 2), ("discriminant", "winsorised-discriminant", 0.3),
+        )
+    )  # fmt: skip
+    found = search(base, list(range(12)), 60.0).choice()
+    choice = replace(found, members=members, window=prepared.config)
+    write_choice(tmp_path / "expert.json", choice)
+    blend = fit_choice(read_choice(tmp_path / "expert.json"), base, prepared, list(range(12)))
+    loaded = Blend()
+    loaded.load_state_dict(blend.state_dict())
+    values = torch.from_numpy(prepared.dataset.windows.values)
+    mask = torch.from_numpy(prepared.dataset.windows.mask)
+
+    assert len(blend.features) == 1
+    assert isinstance(blend.features[0], KernelFeatures)
+    with torch.inference_mode():
+        whole = blend(values, mask)
+        assert torch.equal(whole, loaded.eval()(values, mask))
+    tested = np.isin(prepared.trial, range(12, 16))
+    y = base.y[prepared.trial[tested]]
+    assert (whole[torch.from_numpy(tested)].argmax(dim=1).numpy() == y).mean() > 0.9
+
+
+def test_kernels_are_tried_on_windows_that_are_long_enough_and_are_a_kind_of_their_own():
+    assert KERNELS not in feature_sets(8, 4)
+    own = [tried for tried in first_round(feature_sets(9, 4), 9) if tried.features == KERNELS]
+
+    assert {tried.kind for tried in own} == {"trees of kernels", "discriminant of kernels"}
+    assert {tried.camp for tried in own} == {KERNELS}

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from taxel.models.kernel_features import KERNELS, TAPS
 from taxel.models.touch_features import PARTS, UNIT, fitting_blocks
 
 Sets = dict[str, tuple[str, ...]]
@@ -36,7 +37,7 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "rows": ("rows",),
     "rows without level": ("centred",),
 }
-"""Name → blocks of `taxel.models.touch_features.BLOCKS`."""
+"""Name → blocks of `taxel.models.touch_features.BLOCKS`; the last is added by `feature_sets`."""
 PLAIN = "means"
 """The set of each channel's level alone: often what a drift leaves best."""
 LEVEL_FREE = (
@@ -78,6 +79,7 @@ FEATURE_WORDS = {
     "tared": "tared features",
     "both parts": "parts, also across the pad",
     "both rows": "rows, also across the pad",
+    KERNELS: "MiniRocket's kernels",
 }
 """Feature sets whose key is not what the leaderboard calls them."""
 
@@ -90,13 +92,14 @@ class Candidate:
     model: str
     """ridge of the linear model, kind of trees, …: a key of `fitting.FITS`."""
     features: str
-    """A key of `FEATURE_SETS`; empty for a network, which sees the window."""
+    """A key of `FEATURE_SETS` or `KERNELS`; empty for a network, which sees the window."""
     strength: float = 0.0
     """What the model's one setting is: see `fitting`."""
 
     @property
     def kind(self) -> str:
-        """Return what makes the same mistakes: a family on means, with level or without.
+        """Return what makes the same mistakes: a family on means, on kernels, with level or
+        without.
 
         A random forest is a kind of its own beside extra-trees: it looks for the best threshold, so
         that of many features that drift few are used.
@@ -104,13 +107,17 @@ class Candidate:
         name = "forest" if self.model == "random-forest" else self.family
         if self.features == PLAIN:
             return f"{name} of means"
+        if self.features == KERNELS:
+            return f"{name} of kernels"
         return f"{name}{' without level' if self.features in LEVEL_FREE else ''}"
 
     @property
     def camp(self) -> str:
         """Return what goes on alike beyond what was learned: a sum without bounds, one that
-        leaves out what varies within classes, or shares of leaves.
+        leaves out what varies within classes, shares of leaves, or anything on kernels.
         """
+        if self.features == KERNELS:
+            return KERNELS
         return "sums" if self.family in ("linear", "perceptron") else self.family
 
     def freedom(self, sets: dict[str, tuple[str, ...]]) -> tuple[float, ...]:
@@ -135,7 +142,7 @@ class Candidate:
     def kind_in_words(self) -> str:
         """Return its kind in words, as "extra-trees without level"."""
         model = MODEL_WORDS.get(self.model, self.model)
-        if self.features == PLAIN:
+        if self.features in (PLAIN, KERNELS):
             return f"{model} on {self.seen}"
         return f"{model}{' without level' if self.features in LEVEL_FREE else ''}"
 
@@ -169,6 +176,8 @@ def feature_sets(steps: int, channels: int, padded: bool = False) -> dict[str, t
         whole = len(own) == len(blocks) or not ROW_BLOCKS & set(blocks)
         if own and whole and own not in found.values():
             found[name] = own
+    if steps >= TAPS:
+        found[KERNELS] = (KERNELS,)
     return found
 
 
@@ -187,8 +196,9 @@ def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]
     """Return one of each kind, the most informative for its time first.
 
     All models on the broadest set; discriminants on all others, which say in no time what carries
-    over; the network, which is like nothing else; all models on the next broad sets; last, on the
-    other sets, logistic regression, perceptrons, and trees, which take most time.
+    over; the network, and trees and a discriminant on kernels, which are like nothing else; all
+    models on the next broad sets; last, on the other sets, logistic regression, perceptrons, and
+    trees, which take most time.
 
     Args:
         sets: Feature sets of these windows, the broadest first.
@@ -201,13 +211,15 @@ def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]
     def trees(name: str) -> Candidate:
         return Candidate("trees", "extra-trees", name, 2)
 
-    first, *others = list(sets)
+    first, *others = [name for name in sets if name != KERNELS]
     early, late = others[:2], others[2:]
     candidates = [discriminant(first, 0.3), logistic(first), trees(first)]
     candidates += [discriminant(name, 0.3) for name in others]
     least, most = NETWORK_ROWS
     if least <= steps <= most:
         candidates.append(Candidate("network", "touchnet", ""))
+    if KERNELS in sets:
+        candidates += [trees(KERNELS), discriminant(KERNELS, 0.3)]
     candidates.append(Candidate("trees", "random-forest", first, 2))
     candidates += [model(name) for name in early for model in (logistic, trees)]
     candidates += [logistic(name) for name in late]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from taxel.models.blend import NETWORK, Blend, Part, Plan
+from taxel.models.kernel_features import KERNELS
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice, Member
 from taxel.training.choose.cores import working_threads
@@ -53,7 +54,8 @@ def fit_choice(
     """
     fitted: Heads = {} if heads is None else heads
     rows = np.flatnonzero(np.isin(prepared.trial[prepared.kept], np.asarray(train, np.intp)))
-    y = base.y[prepared.trial[prepared.kept[rows]]]
+    windows = prepared.kept[rows]
+    y = base.y[prepared.trial[windows]]
     classes = len(base.dataset.classes(base.target))
     member_copies = copies(choice)
     new = [
@@ -70,16 +72,22 @@ def fit_choice(
         member, copy = own
         network = networks.get(own)
         if network is None:
-            seen = prepared.features(member.blocks)[rows]
+            seen = (
+                prepared.fitted_features(windows, windows, seed)[1]
+                if member.blocks == (KERNELS,)
+                else prepared.features(member.blocks)[rows]
+            )
             return fit_head(member.candidate, seen, y, classes, seed + copy)
         if not draft:
-            windows = prepared.kept[rows]
             train_network(network, prepared, windows, y, member.candidate, seed + copy)
         return network
 
     with working_threads() as pool:
         for (member, copy), head in zip(new, pool.map(head_of, new), strict=True):
             fitted[member.candidate, copy] = head
+    kernels = None
+    if any(member.blocks == (KERNELS,) for member in choice.members):
+        kernels = prepared.fitted_features(windows, windows, seed)[0]
     parts = tuple(
         Part(KINDS.get(own.candidate.family, _network_name(own, choice.window.steps)), own.blocks)
         for own, _ in member_copies
@@ -90,6 +98,7 @@ def fit_choice(
         tuple(member.weight / copies_of(member) for member, _ in member_copies),
         tuple(member.sharpness for member, _ in member_copies),
         choice.last,
+        kernels,
     ).eval()
 
 

@@ -18,6 +18,7 @@ from torch import Tensor, nn
 
 from taxel.bundles.writer import export_onnx
 from taxel.models.heads import TreesHead
+from taxel.models.kernel_features import KERNELS, drawn_kernels
 from taxel.models.onnx_session import WindowModel
 from taxel.models.touch_features import TouchFeatures
 from taxel.training.choose.candidates import PLAIN, Candidate, Sets
@@ -51,14 +52,19 @@ class _OnFeatures(nn.Module):
 class _Features(nn.Module):
     """Features as a blend computes them: without the mask where no row is padding."""
 
-    def __init__(self, blocks: tuple[str, ...], pads: tuple[int, ...], padded: bool) -> None:
+    def __init__(
+        self, blocks: tuple[str, ...], pads: tuple[int, ...], steps: int, *, padded: bool
+    ) -> None:
         super().__init__()
-        self.features = TouchFeatures(blocks, pads)
+        plain = tuple(block for block in blocks if block != KERNELS)
+        self.features = nn.ModuleList([TouchFeatures(plain, pads)])
+        if KERNELS in blocks:
+            self.features.append(drawn_kernels(steps, len(pads)))
         self.padded = padded
 
     def forward(self, values: Tensor, mask: Tensor) -> Tensor:
-        found: Tensor = self.features(values, mask if self.padded else None)
-        return found
+        measured = mask if self.padded else None
+        return torch.cat([features(values, measured) for features in self.features], dim=1)
 
 
 class _Beside(nn.Module):
@@ -179,7 +185,9 @@ class Pieces:
         new = [block for block in wanted if (block, shape) not in self._known]
         if new:
             models = [
-                _Features(tuple(dict.fromkeys((_MEANS, block))), prepared.pads, padded)
+                _Features(
+                    tuple(dict.fromkeys((_MEANS, block))), prepared.pads, shape[0], padded=padded
+                )
                 for block in dict.fromkeys((_MEANS, *new))
             ]
             least, *others = self.measure(models, values, mask)

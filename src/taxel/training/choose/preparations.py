@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset
 from taxel.labels.joined import with_joined_label
 from taxel.labels.trials import Trial
+from taxel.models.kernel_features import KernelFeatures
 from taxel.models.touch_features import compute_features, pads_of
 from taxel.plain_text import number_of
 from taxel.sim.teng.constants import SENSORS
+from taxel.training.choose.kernels import KeptKernels
 from taxel.windows.config import GATE_V, WindowConfig
 from taxel.windows.dataset import Dataset, load_dataset
 from taxel.windows.joining import TEST_PREFIX, join_datasets
@@ -116,6 +118,8 @@ class Prepared:
     """Shape (n,): which windows are joined before preparations are compared."""
     cache: dict[tuple[str, ...], NDArray[np.float32]] = field(default_factory=dict)
     computing: Lock = field(default_factory=Lock)
+    kernels: KeptKernels = field(default_factory=KeptKernels)
+    """Features that are fitted, of the folds that were asked for last."""
 
     @property
     def name(self) -> str:
@@ -139,6 +143,19 @@ class Prepared:
                     blocks, self.pads, windows.values[self.kept], windows.mask[self.kept]
                 )
             return self.cache[blocks]
+
+    def fitted_features(
+        self, learned: NDArray[np.intp], wanted: NDArray[np.intp], seed: int
+    ) -> tuple[KernelFeatures, NDArray[np.float32]]:
+        """Return `KERNELS` fitted on some windows, and those features of some.
+
+        Args:
+            learned: Windows to learn from, as places in the data set.
+            wanted: Windows whose features are wanted, likewise.
+            seed: Of the windows that are looked at.
+        """
+        own = self.dataset.windows
+        return self.kernels.of(own.values, own.mask, learned, wanted, seed)
 
 
 def load_base(

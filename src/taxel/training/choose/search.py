@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from taxel.decisions.joining import Joining
 from taxel.errors import BadSplit
+from taxel.models.kernel_features import KERNELS
 from taxel.plain_text import number_of
 from taxel.training.choose.blending import (
     LEAST,
@@ -100,7 +101,8 @@ def choose(
     tried = search.of(part)
     ranked = {
         family: [own.candidate.features
-                 for own in sorted(tried, key=lambda t: t.loss) if own.candidate.family == family]
+                 for own in sorted(tried, key=lambda t: t.loss)
+                 if own.candidate.family == family and own.candidate.features != KERNELS]
         for family in ("discriminant", "linear", "trees")
     }  # fmt: skip
     linear = ranked["linear"] or list(sets)
@@ -298,7 +300,10 @@ def out_of_fold(
     seed: int,
 ) -> NDArray[np.float64]:
     """Fit on some windows of a part and return logits of others."""
-    features = part.prepared.features(blocks)[part.rows]
+    if blocks == (KERNELS,):
+        features = part.prepared.fitted_features(part.windows[train], part.windows, seed)[1]
+    else:
+        features = part.prepared.features(blocks)[part.rows]
     head = fit_head(candidate, features[train], part.y[train], part.classes, seed)
     return head_logits(head, features[test])
 

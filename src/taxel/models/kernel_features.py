@@ -1,0 +1,170 @@
+"""How often a window's rows answer to small patterns: MiniRocket's features, as a module to export.
+
+Each of 84 kernels of nine taps, two of three weights −1 and the third 2, looks at one channel at a
+time, at several dilations; a feature is the share of places where its answer is above a bias. The
+biases are quantiles of answers in training windows (`taxel.training.choose.kernels`). Sums are
+exact in double precision, so that PyTorch offline and ONNX Runtime live count the same places.
+Knows nothing about models or files.
+
+Source: Dempster et al., "MiniRocket", KDD 2021; one channel a kernel, and fewer places in long
+windows, are our choice, docs/decisions/0039.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+
+from taxel.models.touch_window import Touch
+
+KERNELS = "kernels"
+"""What these features are called beside `taxel.models.touch_features.BLOCKS`."""
+TAPS = 9
+"""Rows that a kernel sees, and so the fewest of a window."""
+SLOTS = 12
+"""Channels that are looked at with each dilation, by a twelfth of the kernels each; a single
+channel by all. Source: our choice, 0039."""
+DILATIONS, BIASES, PLACES = 6, 18, 100
+"""Dilations at most; biases of each kernel over all of them; rows of a window at most around which
+kernels look. Source: as above."""
+_TABLES = ("dilation", "seen", "channel", "place", "bias")
+
+
+class KernelFeatures(nn.Module):
+    """Shares of places above a bias.
+
+    Args:
+        dilation: Rows between taps, shape (dilations,).
+        seen: Channels that are looked at, shape (seen,).
+        channel: Which of those each slot sees, shape (dilations, slots).
+        place: Rows around which kernels look, shape (places,).
+        bias: Shape (dilations, slots, kernels of a slot, biases) float64.
+    """
+
+    dilation: Tensor
+    seen: Tensor
+    channel: Tensor
+    place: Tensor
+    bias: Tensor
+
+    def __init__(self, **tables: Tensor) -> None:
+        super().__init__()
+        for name in _TABLES:
+            self.register_buffer(name, tables.get(name, torch.zeros(1)))
+
+    def forward(self, values: Tensor, mask: Tensor | None) -> Tensor:
+        """Return features, shape (n, features) float64.
+
+        Args:
+            values: Shape (n, steps, channels), unscaled.
+            mask: Shape (n, steps); None where no row is padding.
+        """
+        series = self.series(values, mask)
+        present = None if mask is None else mask[:, self.place].float()
+        found = []
+        for number in range(int(self.dilation.shape[0])):
+            # Counts are exact in single precision, which is twice as quick.
+            above = self.answers(series, number).unsqueeze(3) > self.bias[number].unsqueeze(3)
+            if present is None:
+                found.append(above.float().sum(dim=4).double() / int(self.place.shape[0]))
+            else:
+                many = present.double().sum(dim=1).clamp(min=1.0).view(-1, 1, 1, 1)
+                counted = above.float() * present.view(-1, 1, 1, 1, int(self.place.shape[0]))
+                found.append(counted.sum(dim=4).double() / many)
+        return torch.cat([shares.flatten(1) for shares in found], dim=1)
+
+    def series(self, values: Tensor, mask: Tensor | None) -> Tensor:
+        """Return what kernels see, shape (n, seen, steps) float64: channels with their last
+        measured row in place of padding.
+
+        Args:
+            values: Shape (n, steps, channels), unscaled.
+            mask: Shape (n, steps); None where no row is padding.
+        """
+        chosen = values.index_select(2, self.seen).double()
+        if mask is not None:
+            present = mask.unsqueeze(2).double()
+            touch = Touch(chosen * present, present)
+            chosen = touch.values + touch.last.unsqueeze(1) * (1.0 - present)
+        return chosen.transpose(1, 2)
+
+    def answers(self, series: Tensor, number: int) -> Tensor:
+        """Return what kernels answer, shape (n, slots, kernels of a slot, places).
+
+        Before and behind a window there are zeros, so that kernels at its ends see the level.
+
+        Args:
+            series: See `series`.
+            number: Of the dilation.
+        """
+        apart = int(self.dilation[number])
+        slots = int(self.channel.shape[1])
+        own = series.index_select(1, self.channel[number])
+        wide = functional.pad(own, (TAPS // 2 * apart, TAPS // 2 * apart))
+        rows = self.place.unsqueeze(0) + apart * torch.arange(TAPS).unsqueeze(1)
+        taps = wide.index_select(2, rows.flatten())
+        shape = (-1, slots, TAPS, int(self.place.shape[0]))
+        kernels = torch.from_numpy(kernels_of(slots, number))
+        return torch.matmul(kernels, taps.view(shape))
+
+    def _load_from_state_dict(self, state_dict: Any, prefix: str, *rest: Any) -> None:
+        for name in _TABLES:
+            if prefix + name in state_dict:
+                setattr(self, name, torch.empty_like(state_dict[prefix + name]))
+        super()._load_from_state_dict(state_dict, prefix, *rest)
+
+
+def drawn_kernels(steps: int, channels: int, seed: int = 0) -> KernelFeatures:
+    """Return features whose biases are 0 yet: as quick and as many as fitted ones.
+
+    Args:
+        steps: Rows in a window, at least `TAPS`.
+        channels: Of the array; their order is drawn where there are more than slots.
+        seed: Of that order.
+    """
+    most = max(1, (steps - 1) // (TAPS - 1))
+    dilation = np.unique(np.round(np.geomspace(1, most, DILATIONS)).astype(np.int64))
+    slots = SLOTS if channels > 1 else 1
+    order = np.arange(channels)
+    if channels > slots:
+        order = np.random.default_rng(seed).permutation(channels)
+    seen, channel = np.unique(np.resize(order, (len(dilation), slots)), return_inverse=True)
+    places = min(PLACES, steps)
+    biases = round(BIASES / len(dilation))
+    return KernelFeatures(
+        dilation=torch.from_numpy(dilation),
+        seen=torch.from_numpy(seen.astype(np.int64)),
+        channel=torch.from_numpy(channel.reshape(len(dilation), slots).astype(np.int64)),
+        place=torch.from_numpy(((np.arange(places) + 0.5) * steps / places).astype(np.int64)),
+        bias=torch.zeros(len(dilation), slots, len(_KERNELS) // slots, biases).double(),
+    )
+
+
+def kernels_of(slots: int, number: int) -> NDArray[np.float64]:
+    """Return the kernels of each slot at a dilation, shape (slots, kernels of a slot, TAPS).
+
+    They go round from dilation to dilation, so that a kernel meets several channels.
+
+    Args:
+        slots: How many there are: a divisor of 84.
+        number: Of the dilation.
+    """
+    first = (np.arange(slots) + number) % slots
+    return _KERNELS[first[:, None] + slots * np.arange(len(_KERNELS) // slots)]
+
+
+def _all_kernels() -> NDArray[np.float64]:
+    """Return all 84 kernels, shape (84, TAPS): their weights add up to 0."""
+    found = np.full((84, TAPS), -1.0)
+    for row, taps in enumerate(combinations(range(TAPS), 3)):
+        found[row, list(taps)] = 2.0
+    return found
+
+
+_KERNELS = _all_kernels()

@@ -1,0 +1,121 @@
+"""Claims about kernel features: exact live and offline, blind to padding, and what they find."""
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from taxel.bundles.writer import export_onnx
+from taxel.models.kernel_features import KernelFeatures, drawn_kernels, kernels_of
+from taxel.models.onnx_session import WindowModel
+from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.fitting import fit_head, head_logits
+from taxel.training.choose.kernels import KeptKernels, compute_kernels, fit_kernels
+from taxel.training.choose.pieces import _Features
+
+Windows = tuple[NDArray[np.float32], NDArray[np.bool_]]
+
+
+def windows(steps: int, channels: int, count: int = 20, *, padded: bool = False) -> Windows:
+    random = np.random.default_rng(steps + channels)
+    values = random.normal(3.0, 1.0, (count, steps, channels)).cumsum(axis=1).astype(np.float32)
+    rows = random.integers(steps // 2, steps + 1, count) if padded else np.full(count, steps)
+    mask = np.arange(steps) < rows[:, None]
+    return values * mask[:, :, None], mask
+
+
+class _Alone(nn.Module):
+    def __init__(self, kernels: KernelFeatures, *, padded: bool) -> None:
+        super().__init__()
+        self.kernels, self.padded = kernels, padded
+
+    def forward(self, values: Tensor, mask: Tensor) -> Tensor:
+        found: Tensor = self.kernels(values, mask if self.padded else None)
+        return found
+
+
+@pytest.mark.parametrize(
+    ("steps", "channels", "padded"),
+    [(9, 1, False), (15, 6, False), (60, 12, True), (300, 3, True), (75, 40, False)],
+)
+def test_live_and_offline_count_the_same_places(steps: int, channels: int, padded: bool):
+    values, mask = windows(steps, channels, padded=padded)
+    kernels = fit_kernels(values, mask)
+    offline = compute_kernels(kernels, values, mask)
+    live = WindowModel(export_onnx(_Alone(kernels, padded=padded).eval(), steps, channels))
+
+    for number in range(len(values)):
+        answered = live(values[number : number + 1], mask[number : number + 1])
+        np.testing.assert_array_equal(np.float32(answered).ravel(), offline[number])
+    assert offline.min() >= 0.0
+    assert offline.max() <= 1.0
+
+
+def test_kernels_are_minirockets_84_each_seen_once_at_each_dilation():
+    for slots in (1, 12):
+        for number in range(6):
+            own = kernels_of(slots, number).reshape(-1, 9)
+            assert len(np.unique(own, axis=0)) == 84
+            assert (own.sum(axis=1) == 0.0).all()
+
+
+def test_what_lies_in_padding_is_not_looked_at():
+    values, mask = windows(60, 3, padded=True)
+    kernels = fit_kernels(values, mask)
+    other = np.where(mask[:, :, None], values, np.float32(1e6))
+
+    np.testing.assert_array_equal(
+        compute_kernels(kernels, values, mask), compute_kernels(kernels, other, mask)
+    )
+
+
+def test_kernels_at_the_ends_see_the_level_and_all_others_do_not():
+    flat = np.repeat(np.arange(-5.0, 6.0, dtype=np.float32)[:, None, None], 40, axis=1)
+    mask = np.ones(flat.shape[:2], np.bool_)
+    kernels = fit_kernels(flat, mask)
+    found = compute_kernels(kernels, flat, mask)
+
+    assert len(np.unique(found, axis=0)) > 5
+    inside = kernels.answers(kernels.series(torch.from_numpy(flat), None), 0)[..., 4:-4]
+    assert (inside == 0.0).all()
+
+
+def test_a_pattern_is_found_that_no_plain_statistic_shows():
+    """Pulses every three rows or every four, equally high and equally many, at any place."""
+    random = np.random.default_rng(0)
+    y = np.arange(200) % 2
+    values = np.zeros((200, 120, 1), np.float32)
+    for number, kind in enumerate(y):
+        start = random.integers(20, 50)
+        values[number, start : start + (3 + kind) * 10 : 3 + kind, 0] = 1.0
+    mask = np.ones((200, 120), np.bool_)
+    kernels = fit_kernels(values[:100], mask[:100])
+    seen = compute_kernels(kernels, values, mask)
+    head = fit_head(Candidate("trees", "extra-trees", "kernels", 2), seen[:100], y[:100], 2)
+
+    assert (head_logits(head, seen[100:]).argmax(axis=1) == y[100:]).mean() > 0.95
+
+
+def test_biases_come_from_the_windows_that_are_learned_from_alone():
+    values, mask = windows(60, 4, 30)
+    learned, every = np.arange(20), np.arange(30)
+    kept = KeptKernels()
+    first, seen = kept.of(values, mask, learned, every, 0)
+    changed = values.copy()
+    changed[20:] *= 7.0
+    second, _ = KeptKernels().of(changed, mask, learned, every, 0)
+
+    assert torch.equal(first.bias, second.bias)
+    assert seen.shape == (30, first.bias.numel())
+    assert kept.of(values, mask, learned, every, 0)[0] is first
+    assert kept.of(values, mask, every, every, 0)[0] is not first
+
+
+def test_features_that_are_timed_are_as_many_as_those_that_are_fitted():
+    values, mask = windows(60, 5)
+    timed = _Features(("mean", "kernels"), (0,) * 5, 60, padded=False)
+    found = timed(torch.from_numpy(values), torch.from_numpy(mask))
+
+    assert found.shape[1] == 5 + fit_kernels(values, mask).bias.numel()
+    assert found.shape[1] == 5 + drawn_kernels(60, 5).bias.numel()
