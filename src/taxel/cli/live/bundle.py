@@ -223,7 +223,7 @@ def _print_exported(
     from taxel.sim.teng.constants import SENSORS
 
     say(f"{output}{', replaced' if older else ''}: {output.stat().st_size:,} bytes; "
-        f"probabilities differ from PyTorch's by at most {contract.parity:.1e} over "
+        f"probabilities differ from the trained model's by at most {contract.parity:.1e} over "
         f"{number_of(windows, 'window')}")  # fmt: skip
     if signer is not None:
         say(_signed_by(signer))
