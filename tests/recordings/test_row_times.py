@@ -183,12 +183,6 @@ def test_a_garbled_time_is_named_and_no_restart(tmp_path, times, words):
     [0, 100, 50, 200, 150, 300, 250],  # many of them
     [500, 100, 900, 0, 700, 300, 800, 200],  # rows in no order
     [0, 10, 20, 900, 800, 700, 30, 40, 50, 60, 70, 80],  # a clock that was set, and set back
-    [900, 800, 0, 10, 20, 30, 40, 50, 60, 70],  # two above all others
-    [0, 10, 20, 30, 40, 50, 60, 70, -900, -910],  # two below
-    [0, 10, 20, 30, 40, 50, 60, 15],  # the last row, back by less
-    [*range(5000, 5300, 10), *range(0, 300, 10), 0],  # a restart in the last row of the second
-    [-900, 0, 10, 20],  # after a pause, perhaps
-    [0, 10, 20, 900],
     [5, 5], [1], [],
 ])  # fmt: skip
 def test_other_times_that_go_back_are_not_called_garbled(times):
@@ -231,33 +225,6 @@ def test_a_row_with_a_garbled_time_is_left_out_with_the_option(tmp_path):
 
     assert samples.values[:, 0].tolist() == [0, 1, 2, 3, 5, 6, 7]
     np.testing.assert_allclose(samples.fitted_s[[0, -1]], [61.04, 75.488])
-
-
-@pytest.mark.parametrize(("times", "words"), [
-    ([9000, *range(10, 200, 10)], "got 9 s in {}, line 2, beside 0.01 s below; such a time is gar"),
-    ([*range(1000, 1190, 10), 1050], "got 1.05 s in {}, line 21, beside 1.18 s above; such a time"),
-    ([-900, *range(10, 200, 10)], ""),
-    ([*range(0, 190, 10), 9000], ""),
-])  # fmt: skip
-def test_a_garbled_time_in_the_first_or_last_row_is_treated_as_one_between(tmp_path, times, words):
-    """Where it leaps without going back, it may follow a pause: left out only where asked."""
-    if words:
-        with pytest.raises(BadTable) as caught:
-            import_times(tmp_path, times)
-        assert words.format(tmp_path / "a.csv") in str(caught.value)
-    else:
-        assert len(import_times(tmp_path, times).samples) == 20
-    (tmp_path / "out" / "a.mcap").unlink(missing_ok=True)
-    left = import_times(tmp_path, times, DROP_GARBLED).samples.values[:, 0]
-    assert left.tolist() == (list(range(19)) if times[-1] != 190 else list(range(1, 20)))
-
-
-def test_a_garbled_first_time_cuts_no_trial_off_a_text_cut_at_restarts(tmp_path):
-    (tmp_path / "all.csv").write_text(text([9000, *range(10, 200, 10), *range(0, 200, 10)]))
-    (tmp_path / "table.csv").write_text("file,trials,channels,time\nall.csv,restarts,a[N],ms[ms]\n")
-    made = import_table(tmp_path / "table.csv", tmp_path / "out", options=DROP_GARBLED)
-
-    assert [len(read_recording(path).samples) for path in made] == [19, 20]
 
 
 def test_garbled_times_are_refused_with_the_option_and_counted_with_it(tmp_path, capsys):
