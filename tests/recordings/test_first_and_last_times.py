@@ -49,6 +49,12 @@ def test_a_leap_that_may_follow_a_pause_is_left_out_only_where_asked(tmp_path, t
     assert np.ptp(left.samples.fitted_s) < 0.2
 
 
+def test_a_leap_is_kept_where_it_would_be_one_row_too_many(tmp_path):
+    (kept,) = import_times(tmp_path, [0, 10, 900, 20, 30, 40, 5000], DROP)
+
+    assert kept.samples.values[:, 0].tolist() == [0, 1, 3, 4, 5, 6]
+
+
 def test_it_cuts_no_trial_off_a_text_that_is_cut_at_restarts(tmp_path):
     times = [9000, *range(10, 200, 10), *range(0, 200, 10)]
     made = import_times(tmp_path, times, DROP, "restarts")

@@ -266,7 +266,7 @@ def test_repeats_are_looked_for_among_the_rows_that_garbled_times_leave(tmp_path
 
 @pytest.mark.parametrize(("times", "words"), [
     ([0, 10, 900, 20, 30, 50, 40, 60], "0.04 s after 0.05 s in .*, line 8: time goes back once"),
-    ([0, 10, 900, 20, 30, 40, 9e13, 1e14], "got 9e.10 s in .*, line 8; correct the column's unit"),
+    ([0, 10, 900, 20, 30, 40, 9e13], "got 9e.10 s in .*, line 8; correct the column's unit"),
 ])  # fmt: skip
 def test_below_a_row_that_was_left_out_lines_are_those_of_the_file(tmp_path, times, words):
     with pytest.raises(BadTable, match=words):
