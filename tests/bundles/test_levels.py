@@ -17,6 +17,7 @@ from taxel.cli.main import main
 from taxel.decisions.unknown import Density, Unknown
 from taxel.errors import BadBundle, BadDataset
 from taxel.models.cnn2d import Cnn2d
+from taxel.models.forest import CourseForest
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo
@@ -287,6 +288,23 @@ def test_parity_is_measured_at_the_runs_level(
     main(["bundle", str(tmp_path / "run"), "--output", str(tmp_path / "x.taxel")])
 
     np.testing.assert_allclose(volts(seen[0]), OLD, rtol=1e-5)
+
+
+def test_a_forest_is_compared_with_the_trained_model_and_called_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its trees were grown by scikit-learn, so that "PyTorch's" would say little."""
+    path = record(tmp_path / "a.mcap", GRASPS, OLD)
+    forest = CourseForest(6, 4, 3)
+    forest.grow(VALUES, MASK, np.arange(len(VALUES)) % 3, seed=0)
+    save_run(tmp_path / "run", Run(networks=(forest,), train=TrainConfig(), history=(),
+             contract=replace(contract(), model="course-forest"), data=str(path)))  # fmt: skip
+
+    main(["bundle", str(tmp_path / "run"), "--output", str(tmp_path / "x.taxel")])
+
+    printed = capsys.readouterr().out
+    assert "probabilities differ from the trained model's by at most" in printed
+    assert "PyTorch" not in printed
 
 
 @pytest.mark.parametrize("tested", [False, True])

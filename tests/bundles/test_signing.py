@@ -27,6 +27,7 @@ from taxel.cli.main import main
 from taxel.errors import BadBundle, BadInput
 
 MEMBERS = {"grasp.json": b"{}", "head.onnx": bytes(1000)}
+GRASP_MEMBERS = ("grasp.json", "head.onnx", "check_features.npy", "check_probabilities.npy")
 
 
 @pytest.fixture
@@ -61,6 +62,26 @@ def test_a_grasp_bundle_that_comes_with_taxel_can_be_signed(tmp_path, key, trust
     assert read_grasp_bundle(path, trust=trust).contract.cameras == 2
     with pytest.raises(BadBundle, match="without a signature"):
         read_grasp_bundle(shipped_bundle(CUP_POUR), trust=trust)
+
+
+@pytest.mark.parametrize("contract", ["bundle.json", "grasp.json", "trials.json"])
+def test_a_bundle_whose_models_cannot_be_opened_is_not_signed(tmp_path, key, contract, capsys):
+    """Its checksum fits; what it holds is no contract, or no model."""
+    members = {contract: b"{}"}
+    if contract == "grasp.json":
+        shipped = unpack(shipped_bundle(CUP_POUR), GRASP_MEMBERS)
+        members = shipped | {"head.onnx": bytes(1000)}
+    before = pack(members)
+    path = tmp_path / "b.taxel"
+    path.write_bytes(before)
+
+    for output in (path, tmp_path / "signed.taxel"):
+        with pytest.raises(SystemExit) as ended:
+            main(["bundle", str(path), "--sign", str(key), "--output", str(output)])
+        (line,) = capsys.readouterr().err.splitlines()
+        assert (ended.value.code, line[:14]) == (2, "taxel: needed ")
+    assert path.read_bytes() == before
+    assert not (tmp_path / "signed.taxel").exists()
 
 
 def test_nothing_of_a_signed_bundle_can_be_changed(bundle, trust):

@@ -240,6 +240,18 @@ def test_what_stands_in_the_way_of_training_takes_the_place_of_the_next_verb(
     assert "note: no label: add a column label:NAME" in capsys.readouterr().out
 
 
+def test_a_table_with_other_columns_is_refused_by_the_needed_and_the_found_ones(tmp_path: Path):
+    table = tmp_path / "trials.csv"
+    table.write_text("links;rechts;label:kind\na.mp4;b.mp4;x\n")
+    with pytest.raises(BadRecording) as refused:
+        Info(table).run()
+    assert str(refused.value) == (
+        "needed a recording (MCAP), or a table of camera trials with the columns left, right (or "
+        "camera:NAME), label:NAME and group:NAME; got the columns 'links', 'rechts', 'label:kind' "
+        f"in {table}, line 1; mend that line, or import tables with: taxel import."
+    )
+
+
 def test_a_table_of_arrays_is_still_sent_to_import(tmp_path: Path):
     table = tmp_path / "table.csv"
     table.write_text("file,label:kind,time\na.csv,x,rate:100Hz\n")

@@ -46,7 +46,7 @@ def test_the_table_is_for_people(pour: Path, capsys: Out) -> None:
     main(["label", str(pour), "--rule", "micro-slip"])
 
     printed = capsys.readouterr().out
-    assert "more than 20 um" in printed
+    assert "more than 20 µm" in printed
     assert "kappa" in printed
     assert "120" in printed
 

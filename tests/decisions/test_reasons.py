@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 import taxel
-from taxel.decisions.reasons import REASONS, SIMULATED, kind_of, reference
+from taxel.decisions.reasons import REASONS, SIMULATED, in_words, kind_of, reference
 
 ROOT = Path(taxel.__file__).parent
 FIELDS = {
     "camera": "left", "who": "monitor/0", "why": "needed images of 320 × 240 px; got one of 2 × 2",
-    "left_s": 0.6, "silent_ms": 83.0, "age_s": 0.25, "same_s": 1.2,
+    "left_s": 0.6, "silent_ms": 83.0, "silent_s": 0.07, "age_s": 0.25, "same_s": 1.2,
 }  # fmt: skip
 
 
@@ -24,6 +24,16 @@ def test_words_lead_back_to_their_reason() -> None:
         assert kind_of(SIMULATED + reason.say(**FIELDS)) == name
     assert kind_of("") is None
     assert kind_of("because") is None
+
+
+@pytest.mark.parametrize(("who", "words"), [
+    ("monitor/0", "the monitor"),
+    ("monitor/2", "bundle 3 of the monitor"),
+    ("monitor 2/0", "the monitor of source 2"),
+    ("monitor 2/1", "bundle 2 of the monitor of source 2"),
+])  # fmt: skip
+def test_a_monitor_is_named_as_an_operator_knows_it(who: str, words: str) -> None:
+    assert in_words(who) == words
 
 
 def test_the_page_of_reference_is_that_of_the_table() -> None:

@@ -50,6 +50,20 @@ def test_the_last_test_part_is_in_no_fold() -> None:
             assert not (set(train) | set(held)) & set(test)
 
 
+@pytest.mark.parametrize("share", [-0.1, 0.001, 0.7, 1.0, 1.5, float("nan")])
+def test_a_share_that_cannot_be_kept_out_is_refused_with_its_range(share: float) -> None:
+    dataset = make_dataset()
+    fewest = np.bincount(dataset.class_numbers("shape")).min()
+
+    with pytest.raises(BadSplit) as refused:
+        random_windows(dataset, "shape", 5, seed=0, test=share)
+    assert str(refused.value) == (
+        f"needed a test share of 0, or {1 / fewest:.2g} to 0.5, with {fewest} windows of the "
+        f"rarest class; got {share:g}; choose another share."
+    )
+    random_windows(dataset, "shape", 5, seed=0, test=0.5)
+
+
 def test_the_random_split_says_that_it_leaks() -> None:
     dataset = make_dataset()
     split = random_windows(dataset, "shape", 5, seed=0, test=0.0)

@@ -44,6 +44,20 @@ save_kept(Path(sys.argv[1]), np.ones((2, 3), np.float32))
 """
 
 
+LIMITED = """
+import resource, signal, sys
+from pathlib import Path
+import numpy as np
+from taxel.training.frames.features import save_kept
+resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+try:
+    save_kept(Path(sys.argv[1]), np.ones((10, 2304), np.float32))
+except OSError as error:
+    print(error)
+"""
+
+
 def test_each_different_image_is_computed_once_and_never_again(
     few_pours: Path, tmp_path: Path
 ) -> None:
@@ -200,3 +214,16 @@ def test_what_a_killed_process_left_in_the_cache_goes_with_the_next_that_is_kept
 
     assert list(tmp_path.iterdir()) == [tmp_path / "b.npy"]
     np.testing.assert_array_equal(load_kept(tmp_path / "b.npy", 3), np.ones((2, 3)))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs RLIMIT_FSIZE")
+def test_features_that_do_not_fit_are_refused_in_the_systems_words(tmp_path: Path) -> None:
+    """Not in NumPy's, "23040 requested and 968 written"; and nothing half-written stays."""
+    done = subprocess.run([sys.executable, "-c", LIMITED, str(tmp_path / "a.npy")],
+                          capture_output=True, text=True, check=True)  # fmt: skip
+
+    assert done.stdout == (
+        f"needed room in the cache, {tmp_path}; got File too large; free space, or choose another "
+        "folder with --cache or $TAXEL_CACHE.\n"
+    )
+    assert list(tmp_path.iterdir()) == []

@@ -145,8 +145,9 @@ REASONS: dict[str, Reason] = {
         "It is restarted automatically; arm again once the state is STABLE.",
     ),
     "monitor silent": Reason(
-        "{who} gives no sign of life",
-        "The monitor's process hangs, or the machine is too busy. Shown as STOP.",
+        "{who} has not answered for {silent_s:.2f} s",
+        "The monitor's process gives no sign of life: it hangs, or the machine is too busy. Shown "
+        "as STOP.",
         "Close other programs; a monitor that hangs is restarted after 5 s.",
     ),
     "monitor mute": Reason(
@@ -189,6 +190,19 @@ REASONS: dict[str, Reason] = {
 }
 """Name → reason. The words of the operator's page, written in static/state.js, are checked
 against it by a test."""
+
+
+def in_words(who: str) -> str:
+    """Return a monitor's name in a station as a person knows it.
+
+    "monitor 2/0" → "the monitor of source 2"; a further bundle in one process is named too.
+    """
+    process, slash, bundle = who.partition("/")
+    if not slash:
+        return who
+    kind, _, source = process.partition(" ")
+    name = f"the {kind} of source {source}" if source else f"the {kind}"
+    return name if bundle == "0" else f"bundle {int(bundle) + 1} of {name}"
 
 
 def kind_of(text: str) -> str | None:

@@ -19,6 +19,7 @@ from taxel.errors import BadSplit
 from taxel.evaluation.first_share import first_share, group_numbers
 from taxel.labels.class_order import figures_as_classes
 from taxel.labels.joined import with_joined_label
+from taxel.plain_text import number_of
 from taxel.windows.checks import MORE_WINDOWS, labels_of, no_window
 from taxel.windows.dataset import Dataset
 
@@ -130,10 +131,12 @@ def random_windows(dataset: Dataset, target: str, folds: int, seed: int, test: f
         target: The label that each part holds in equal shares.
         folds: How many folds.
         seed: Seed of the order.
-        test: Share of windows kept out of all folds for the last test; 0 keeps none.
+        test: Share of windows kept out of all folds for the last test, 0.5 at most and so large
+            that it holds a window of each class; 0 keeps none.
 
     Raises:
-        BadSplit: Fewer than two folds, or a class has fewer windows than folds.
+        BadSplit: Fewer than two folds, a class has fewer windows than folds, or the share is out
+            of its range.
     """
     from sklearn.model_selection import StratifiedKFold
 
@@ -141,6 +144,7 @@ def random_windows(dataset: Dataset, target: str, folds: int, seed: int, test: f
     y = dataset.class_numbers(target)
     rest, held = np.arange(len(y)), np.zeros(0, np.intp)
     if test:
+        _check_share(y, dataset.classes(target), test)
         splitter = StratifiedKFold(round(1 / test), shuffle=True, random_state=seed)
         rest, held = next(iter(splitter.split(y, y)))
     _check_count(y[rest], dataset.classes(target), folds)
@@ -352,6 +356,16 @@ def _all_classes(dataset: Dataset, target: str, parts: list[TrialFold]) -> bool:
 def _check_folds(folds: int) -> None:
     if folds < 2:
         raise BadSplit("at least two folds", str(folds), "choose more folds")
+
+
+def _check_share(y: NDArray[np.intp], classes: list[str], test: float) -> None:
+    fewest = int(np.bincount(y, minlength=len(classes)).min())
+    if not 0 < test <= 0.5 or 1 / test > fewest + 0.5:
+        least = f", or {1 / fewest:.2g} to 0.5" if fewest > 1 else ""
+        raise BadSplit(
+            f"a test share of 0{least}, with {number_of(fewest, 'window')} of the rarest class",
+            f"{test:g}", "choose another share",
+        )  # fmt: skip
 
 
 def _check_count(y: NDArray[np.intp], classes: list[str], folds: int) -> None:

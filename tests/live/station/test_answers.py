@@ -49,7 +49,7 @@ def test_the_last_answer_of_a_recogniser_that_was_given_up_is_not_shown_as_the_p
     answers.add(note("monitor/0", "ball"))
     (shown,) = answers.newest({"monitor/0"})
     assert (shown["label"], shown["confidence"], shown["action"]) == ("UNKNOWN", None, "")
-    assert shown["reason"] == "monitor/0 has ended"
+    assert shown["reason"] == "the monitor has ended"
     assert answers.newest({"monitor/1"})[0]["label"] == "ball"
 
 
@@ -58,4 +58,4 @@ def test_a_recogniser_that_was_given_up_before_its_first_answer_is_not_waited_fo
     answers = Answers([{"target": "shape", "bundle": "a.taxel", "who": "monitor/0"}])
     assert answers.newest() == []
     (shown,) = answers.newest({"monitor/0"})
-    assert (shown["label"], shown["reason"]) == ("UNKNOWN", "monitor/0 has ended")
+    assert (shown["label"], shown["reason"]) == ("UNKNOWN", "the monitor has ended")

@@ -131,7 +131,7 @@ def test_a_silent_monitor_stops_within_the_limit_and_alarms_although_it_said_sta
     assert rig.guard.interlock.arm(rig.now_s) == ()
     rig.silent.add("two")
     order = rig.run(LIMIT_S + 0.002)
-    assert rig.guard.shown[:2] == ("STOP", "two gives no sign of life")
+    assert rig.guard.shown[:2] == ("STOP", "two has not answered for 0.06 s")
     assert order.kind is OrderKind.STOP
     assert rig.guard.interlock.state is InterlockState.STOPPED
     assert [a.kind for a in rig.guard.alarms.alarms if a.kind == "monitor"] == ["monitor"]

@@ -259,7 +259,7 @@ def test_a_silent_process_is_reported_once_and_over_when_it_lives_again(rig: Rig
     rig.running(watched.recorder, 1.0)
     for now_s in (3.4, 3.6, 3.7):
         watched.watch.look(now_s)
-    assert watched.words == ["recorder gives no sign of life"]
+    assert watched.words == ["recorder has not answered for 2.5 s"]
     assert watched.alarm_on("recorder") is True
     rig.running(watched.recorder, 3.75)
     watched.watch.look(3.8)
@@ -285,7 +285,7 @@ def test_a_dead_monitor_is_a_stop_until_another_runs(rig: Rig):
     watched.watch.look(1.1)
     watched.guard.tick(1.1)
     assert watched.words == ["monitor ended by signal 9"]
-    assert watched.guard.shown[:2] == ("STOP", "monitor/0 has ended")
+    assert watched.guard.shown[:2] == ("STOP", "the monitor has ended")
     assert watched.alarm_on("monitor") is True
 
     watched.watch.look(1.2)

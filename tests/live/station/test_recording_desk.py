@@ -23,6 +23,7 @@ from taxel.recordings.reader import iterate_slips, read_recording
 from taxel.recordings.trial_log import GraspTrial, append_trial, log_of, read_trial_log
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Mark, Samples, SensorInfo
+from taxel.sim.pour.state import TRUTH_CHANNELS
 
 HAND = SensorInfo(name="hand", channels=("a", "b"), units=("V", "V"), rate_hz=100.0)
 NONE = SensorInfo(name="none", channels=(), units=(), rate_hz=0.0)
@@ -263,6 +264,10 @@ def test_of_several_arrays_the_one_without_cameras_is_recorded_and_the_others_ar
     assert [source.array for source in chosen] == [False, False, True]
     assert [source.first_camera for source in chosen] == [0, 1, 3]
     assert left == "hand"
+    truth = SensorInfo(name="truth", channels=TRUTH_CHANNELS,
+                       units=("N",) * len(TRUTH_CHANNELS), rate_hz=60.0)  # fmt: skip
+    _, left = choose_recorded([("r0", 0, HAND, ()), ("r1", 1, truth, (LEFT,))])
+    assert left == "truth (what the simulator knows of forces and slip)"
     only_cameras, left = choose_recorded([("r1", 1, NONE, (LEFT,))])
     assert (only_cameras[0].array, left) == (False, "")
 

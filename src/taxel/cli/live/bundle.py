@@ -186,7 +186,9 @@ class Bundle:
         from taxel.recordings.whole import write_whole
 
         older = _older(output)
-        write_whole(output, signed_file(bundle, signer))
+        whole = signed_file(bundle, signer)
+        _check_opens(bundle)
+        write_whole(output, whole)
         if self.json:
             print_json(
                 {
@@ -221,7 +223,7 @@ def _print_exported(
     from taxel.sim.teng.constants import SENSORS
 
     say(f"{output}{', replaced' if older else ''}: {output.stat().st_size:,} bytes; "
-        f"probabilities differ from PyTorch's by at most {contract.parity:.1e} over "
+        f"probabilities differ from the trained model's by at most {contract.parity:.1e} over "
         f"{number_of(windows, 'window')}")  # fmt: skip
     if signer is not None:
         say(_signed_by(signer))
@@ -240,6 +242,29 @@ def _signer(path: Path) -> Signer:
     from taxel.bundles.signing import read_key
 
     return read_key(path, getpass if sys.stdin.isatty() else None)
+
+
+def _check_opens(bundle: Path) -> None:
+    """Refuse a bundle that `taxel live` could not open: whole, but its models do not run.
+
+    Raises:
+        BadBundle: It cannot be opened, or gives other answers than when it was written.
+    """
+    from taxel.bundles.envelope import kind_of
+
+    kind = kind_of(bundle)
+    if kind == "grasp":
+        from taxel.bundles.grasp import read_grasp_bundle
+
+        read_grasp_bundle(bundle)
+    elif kind == "trials":
+        from taxel.bundles.trials import read_trial_bundle
+
+        read_trial_bundle(bundle)
+    else:
+        from taxel.bundles.reader import read_bundle
+
+        read_bundle(bundle)
 
 
 def _signed_by(signer: Signer) -> str:

@@ -14,7 +14,7 @@ from rich.table import Table
 from taxel.bundles.envelope import BundleKind, kind_of, unpack
 from taxel.bundles.shipped import find_bundle
 from taxel.cli.printing import console, print_json, progress, say
-from taxel.cli.recordings.info_table import describe_table, is_trial_table
+from taxel.cli.recordings.info_table import describe_table, is_trial_table, refuse_other_table
 from taxel.labels.class_order import in_order
 from taxel.plain_text import number_of, visible, visible_names
 from taxel.recordings.reader import list_recordings
@@ -54,6 +54,7 @@ class Info:
                 for line in lines:
                     say(line)
             return
+        refuse_other_table(self.path)
         paths = list_recordings(self.path)
         with progress() as bar:
             rows = [summarise(path) for path in bar.track(paths, description="reading")]

@@ -114,8 +114,8 @@ class TrainMonitor:
             return
         say(
             f"{self.output}: {self.features} + {contract.head}, {contract.parameters:,} "
-            f"parameters, warns of {contract.rule}; probabilities differ from PyTorch's by at "
-            f"most {parity:.1e}"
+            f"parameters, warns of {contract.rule}; probabilities differ from the trained "
+            f"model's by at most {parity:.1e}"
         )
         if measured:
             say("on cups held out: " + ", ".join(f"{k} {v:.3g}" for k, v in measured.items()))

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 from taxel.actions.rule_table import RuleTable
-from taxel.decisions.reasons import REASONS
+from taxel.decisions.reasons import REASONS, in_words
 from taxel.decisions.recognition import UNKNOWN
 
 _NO_RULES = RuleTable(())
@@ -96,7 +96,7 @@ def _as_shown(title: str, note: dict[str, Any]) -> dict[str, Any]:
 def _ended(title: str, who: str) -> dict[str, Any]:
     """Return what stands in an answer's place where its process has ended for good."""
     return {"target": title, "label": UNKNOWN, "confidence": None,
-            "reason": REASONS["monitor ended"].say(who=who), "action": ""}  # fmt: skip
+            "reason": REASONS["monitor ended"].say(who=in_words(who)), "action": ""}  # fmt: skip
 
 
 def _what_it_is_of(note: dict[str, Any]) -> str:

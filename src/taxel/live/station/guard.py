@@ -16,7 +16,7 @@ from typing import Any
 from taxel.actions.alarm import AlarmLatch, Level
 from taxel.actions.grip_policy import GripPolicy
 from taxel.actions.interlock import Interlock, InterlockState, Order
-from taxel.decisions.reasons import REASONS
+from taxel.decisions.reasons import REASONS, in_words
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.gel.slip_signal import Slip
 
@@ -274,13 +274,15 @@ class Guard:
 
     def _silent(self, now_s: float) -> str:
         for name, monitor in self._monitors.items():
+            who = in_words(name)
             if monitor.dead:
-                return REASONS["monitor ended"].say(who=name)
+                return REASONS["monitor ended"].say(who=who)
             limit_s = max(self._config.silent_s, monitor.patience_s)
-            if not now_s - monitor.beat_s <= limit_s:
-                return REASONS["monitor silent"].say(who=name)
+            silent_s = now_s - monitor.beat_s
+            if not silent_s <= limit_s:
+                return REASONS["monitor silent"].say(who=who, silent_s=silent_s)
             if self._overdue(monitor, now_s, monitor.patience_s):
-                return REASONS["monitor mute"].say(who=name)
+                return REASONS["monitor mute"].say(who=who)
         return ""
 
     def _overdue(self, monitor: _Monitor, now_s: float, patience_s: float = 0.0) -> bool:
@@ -299,7 +301,7 @@ class Guard:
         for name, monitor in self._monitors.items():
             doubt = silent
             if not silent and self._overdue(monitor, now_s):
-                doubt = REASONS["long step"].say(who=name)
+                doubt = REASONS["long step"].say(who=in_words(name))
             if doubt:
                 every[name] = StabilityDecision(Stability.UNKNOWN, doubt, now_s, math.nan)
             else:

@@ -77,8 +77,9 @@ class ProcessWatch:
         """Report which processes are alive and silent; end a monitor that stays so."""
         silent = {worker.name: worker for worker in self._processes.silent(now_s, _SILENT_S)}
         for name in silent.keys() - self._mute:
-            self._guard.trouble(name, f"{name} gives no sign of life", now_s)
-            self._happened(now_s, f"{name} gives no sign of life")
+            text = f"{name} has not answered for {_SILENT_S:g} s"
+            self._guard.trouble(name, text, now_s)
+            self._happened(now_s, text)
         for name in self._mute - silent.keys():
             self._guard.over(name, now_s)
         self._mute = set(silent)

@@ -30,6 +30,7 @@ from taxel.recordings.part_file import part_path
 from taxel.recordings.trial_log import append_trial, log_of, trial_of
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo, SlipNote
+from taxel.sim.pour.state import has_truth
 
 _PAUSE_S = 0.01
 """How often the rings are looked at. Source: our choice."""
@@ -71,7 +72,7 @@ class Recording:
 def choose_recorded(
     sources: list[tuple[str, int, SensorInfo, tuple[CameraInfo, ...]]],
 ) -> tuple[tuple[Recorded, ...], str]:
-    """Return what is recorded of each source, and the name of an array left out, or "".
+    """Return what is recorded of each source, and the names of arrays left out, or "".
 
     A recording holds one array: that of the first source without cameras, else of the first
     that has one. All cameras are recorded.
@@ -91,8 +92,14 @@ def choose_recorded(
             )
         )  # fmt: skip
         first += len(cameras)
-    left = [sources[i][2].name for i in with_array if i != chosen]
+    left = [_in_words(sources[i][2]) for i in with_array if i != chosen]
     return tuple(found), ", ".join(left)
+
+
+def _in_words(array: SensorInfo) -> str:
+    """Return an array's name; "truth" alone would not say that no sensor measured it."""
+    is_truth = has_truth(array.channels)
+    return f"{array.name} (what the simulator knows of forces and slip)" if is_truth else array.name
 
 
 def apart(cameras: list[CameraInfo]) -> tuple[CameraInfo, ...]:

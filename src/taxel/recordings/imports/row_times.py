@@ -124,9 +124,14 @@ def check_time(
     if not np.isfinite(time_s).all():
         line = int(np.argmin(np.isfinite(time_s))) + first_line
         raise BadTable("a time in every row", f"none in {path}, line {line}", "mend the file")
+    drop = bad_times.garbled == "drop"
     lots = strays_of(time_s) if strays is None else strays
+    if drop and strays is None:
+        with_leaps = strays_of(time_s, leaps=True)
+        if _few(sum(map(len, with_leaps)), len(time_s)):  # a leap alone is no reason to refuse
+            lots = with_leaps
     garbled = [row for lot in lots for row in lot]
-    if garbled and not (bad_times.garbled == "drop" and _few(len(garbled), len(time_s))):
+    if garbled and not (drop and _few(len(garbled), len(time_s))):
         raise _garbled(path, time_s, lots, first_line)
     rows = np.delete(np.arange(len(time_s)), garbled)
     times = _Times(path, time_s[rows], rows + first_line, len(time_s), text)

@@ -249,7 +249,8 @@ def _begun(
 ) -> Iterator[int]:
     """Yield for each row how often time has begun, from 1; garbled times are not looked at."""
     garbled = {row for lot in strays for row in lot}
-    count, start, before = 1, times[0], times[0]
+    count = 1
+    start = before = next(now for row, now in enumerate(times) if row not in garbled)
     for row, now in enumerate(times):
         if row not in garbled:
             if begins_anew(now, before, start):
