@@ -9,7 +9,8 @@ from torch import Tensor, nn
 from taxel.bundles.writer import export_onnx
 from taxel.models.kernel_features import KernelFeatures, drawn_kernels, kernels_of
 from taxel.models.onnx_session import WindowModel
-from taxel.training.choose.candidates import Candidate
+from taxel.models.touch_features import compute_features
+from taxel.training.choose.candidates import Candidate, feature_sets
 from taxel.training.choose.fitting import fit_head, head_logits
 from taxel.training.choose.kernels import KeptKernels, compute_kernels, fit_kernels
 from taxel.training.choose.pieces import _Features
@@ -41,8 +42,8 @@ class _Alone(nn.Module):
 )
 def test_live_and_offline_count_the_same_places(steps: int, channels: int, padded: bool):
     values, mask = windows(steps, channels, padded=padded)
-    kernels = fit_kernels(values, mask)
-    offline = compute_kernels(kernels, values, mask)
+    kernels = fit_kernels(values, mask, padded=padded)
+    offline = compute_kernels(kernels, values, mask, padded=padded)
     live = WindowModel(export_onnx(_Alone(kernels, padded=padded).eval(), steps, channels))
 
     for number in range(len(values)):
@@ -62,23 +63,59 @@ def test_kernels_are_minirockets_84_each_seen_once_at_each_dilation():
 
 def test_what_lies_in_padding_is_not_looked_at():
     values, mask = windows(60, 3, padded=True)
-    kernels = fit_kernels(values, mask)
+    kernels = fit_kernels(values, mask, padded=True)
     other = np.where(mask[:, :, None], values, np.float32(1e6))
 
     np.testing.assert_array_equal(
-        compute_kernels(kernels, values, mask), compute_kernels(kernels, other, mask)
+        compute_kernels(kernels, values, mask, padded=True),
+        compute_kernels(kernels, other, mask, padded=True),
     )
 
 
 def test_kernels_at_the_ends_see_the_level_and_all_others_do_not():
     flat = np.repeat(np.arange(-5.0, 6.0, dtype=np.float32)[:, None, None], 40, axis=1)
     mask = np.ones(flat.shape[:2], np.bool_)
-    kernels = fit_kernels(flat, mask)
-    found = compute_kernels(kernels, flat, mask)
+    kernels = fit_kernels(flat, mask, padded=False)
+    found = compute_kernels(kernels, flat, mask, padded=False)
 
     assert len(np.unique(found, axis=0)) > 5
-    inside = kernels.answers(kernels.series(torch.from_numpy(flat), None), 0)[..., 4:-4]
+    inside = kernels.answers(kernels.seen_values(torch.from_numpy(flat)), None, 0)[..., 4:-4]
     assert (inside == 0.0).all()
+
+
+def test_the_length_of_a_trial_shows_no_more_than_in_plain_features():
+    """Noise about a level, half of the trials half as long: its spread alone says something."""
+    random = np.random.default_rng(1)
+    values = random.normal(5.0, 1.0, (400, 80, 2)).astype(np.float32)
+    y = np.arange(400) % 2
+    mask = np.arange(80) < np.where(y, 80, 40)[:, None]
+    values = values * mask[:, :, None]
+    kernels = fit_kernels(values[:200], mask[:200], padded=True)
+    seen = compute_kernels(kernels, values, mask, padded=True)
+    plain = compute_features(feature_sets(80, 2, padded=True)["all"], (0, 0), values, mask)
+
+    def right(model: Candidate, features: NDArray[np.float32]) -> float:
+        head = fit_head(model, features[:200], y[:200], 2)
+        return float((head_logits(head, features[200:]).argmax(axis=1) == y[200:]).mean())
+
+    trees = Candidate("trees", "extra-trees", "", 2)
+    sums = Candidate("discriminant", "winsorised-discriminant", "", 0.3)
+    assert right(sums, seen) < 0.65 < right(sums, plain)
+    assert right(trees, seen) < 0.9 < right(trees, plain)
+
+
+def test_a_steady_pattern_is_the_same_however_long_it_lasts():
+    """Pulses every four rows: of 40 rows and of 80 the same shares, but for two of 20 places."""
+    values = np.zeros((2, 80, 1), np.float32)
+    values[:, ::4] = 1.0
+    mask = np.arange(80) < np.array([[40], [80]])
+    random = np.random.default_rng(0)
+    other = random.random((50, 80, 1)).astype(np.float32)
+    kernels = fit_kernels(other, np.arange(80) < np.full((50, 1), 40), padded=True)
+    short, long = compute_kernels(kernels, values * mask[:, :, None], mask, padded=True)
+
+    assert len(kernels.place) == 20
+    assert np.abs(short - long).mean() < 0.1
 
 
 def test_a_pattern_is_found_that_no_plain_statistic_shows():
@@ -90,8 +127,8 @@ def test_a_pattern_is_found_that_no_plain_statistic_shows():
         start = random.integers(20, 50)
         values[number, start : start + (3 + kind) * 10 : 3 + kind, 0] = 1.0
     mask = np.ones((200, 120), np.bool_)
-    kernels = fit_kernels(values[:100], mask[:100])
-    seen = compute_kernels(kernels, values, mask)
+    kernels = fit_kernels(values[:100], mask[:100], padded=False)
+    seen = compute_kernels(kernels, values, mask, padded=False)
     head = fit_head(Candidate("trees", "extra-trees", "kernels", 2), seen[:100], y[:100], 2)
 
     assert (head_logits(head, seen[100:]).argmax(axis=1) == y[100:]).mean() > 0.95
@@ -101,15 +138,15 @@ def test_biases_come_from_the_windows_that_are_learned_from_alone():
     values, mask = windows(60, 4, 30)
     learned, every = np.arange(20), np.arange(30)
     kept = KeptKernels()
-    first, seen = kept.of(values, mask, learned, every, 0)
+    first, seen = kept.of(values, mask, learned, every, padded=False, seed=0)
     changed = values.copy()
     changed[20:] *= 7.0
-    second, _ = KeptKernels().of(changed, mask, learned, every, 0)
+    second, _ = KeptKernels().of(changed, mask, learned, every, padded=False, seed=0)
 
     assert torch.equal(first.bias, second.bias)
     assert seen.shape == (30, first.bias.numel())
-    assert kept.of(values, mask, learned, every, 0)[0] is first
-    assert kept.of(values, mask, every, every, 0)[0] is not first
+    assert kept.of(values, mask, learned, every, padded=False, seed=0)[0] is first
+    assert kept.of(values, mask, every, every, padded=False, seed=0)[0] is not first
 
 
 def test_features_that_are_timed_are_as_many_as_those_that_are_fitted():
@@ -117,5 +154,5 @@ def test_features_that_are_timed_are_as_many_as_those_that_are_fitted():
     timed = _Features(("mean", "kernels"), (0,) * 5, 60, padded=False)
     found = timed(torch.from_numpy(values), torch.from_numpy(mask))
 
-    assert found.shape[1] == 5 + fit_kernels(values, mask).bias.numel()
+    assert found.shape[1] == 5 + fit_kernels(values, mask, padded=False).bias.numel()
     assert found.shape[1] == 5 + drawn_kernels(60, 5).bias.numel()

@@ -2,9 +2,12 @@
 
 Each of 84 kernels of nine taps, two of three weights −1 and the third 2, looks at one channel at a
 time, at several dilations; a feature is the share of places where its answer is above a bias. The
-biases are quantiles of answers in training windows (`taxel.training.choose.kernels`). Sums are
-exact in double precision, so that PyTorch offline and ONNX Runtime live count the same places.
-Knows nothing about models or files.
+biases are quantiles of answers in training windows (`taxel.training.choose.kernels`).
+
+Windows of full length have zeros beyond their ends, so that kernels there see the level. Where
+windows are padded, each has as many places, in its own measured rows, and no kernel looks beyond:
+the length of a trial must not predict its class. Sums are exact in double precision, so that
+PyTorch offline and ONNX Runtime live count the same places. Knows nothing about models or files.
 
 Source: Dempster et al., "MiniRocket", KDD 2021; one channel a kernel, and fewer places in long
 windows, are our choice, docs/decisions/0039.
@@ -20,8 +23,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
-
-from taxel.models.touch_window import Touch
 
 KERNELS = "kernels"
 """What these features are called beside `taxel.models.touch_features.BLOCKS`."""
@@ -43,7 +44,7 @@ class KernelFeatures(nn.Module):
         dilation: Rows between taps, shape (dilations,).
         seen: Channels that are looked at, shape (seen,).
         channel: Which of those each slot sees, shape (dilations, slots).
-        place: Rows around which kernels look, shape (places,).
+        place: Around which rows kernels look, as shares of those there are, shape (places,).
         bias: Shape (dilations, slots, kernels of a slot, biases) float64.
     """
 
@@ -65,53 +66,44 @@ class KernelFeatures(nn.Module):
             values: Shape (n, steps, channels), unscaled.
             mask: Shape (n, steps); None where no row is padding.
         """
-        series = self.series(values, mask)
-        present = None if mask is None else mask[:, self.place].float()
+        seen, rows = self.seen_values(values), None if mask is None else mask.long().sum(dim=1)
         found = []
         for number in range(int(self.dilation.shape[0])):
+            above = self.answers(seen, rows, number).unsqueeze(3) > self.bias[number].unsqueeze(3)
             # Counts are exact in single precision, which is twice as quick.
-            above = self.answers(series, number).unsqueeze(3) > self.bias[number].unsqueeze(3)
-            if present is None:
-                found.append(above.float().sum(dim=4).double() / int(self.place.shape[0]))
-            else:
-                many = present.double().sum(dim=1).clamp(min=1.0).view(-1, 1, 1, 1)
-                counted = above.float() * present.view(-1, 1, 1, 1, int(self.place.shape[0]))
-                found.append(counted.sum(dim=4).double() / many)
+            found.append(above.float().sum(dim=4).double() / int(self.place.shape[0]))
         return torch.cat([shares.flatten(1) for shares in found], dim=1)
 
-    def series(self, values: Tensor, mask: Tensor | None) -> Tensor:
-        """Return what kernels see, shape (n, seen, steps) float64: channels with their last
-        measured row in place of padding.
+    def seen_values(self, values: Tensor) -> Tensor:
+        """Return the channels that are looked at, shape (n, seen, steps) float64.
 
         Args:
             values: Shape (n, steps, channels), unscaled.
-            mask: Shape (n, steps); None where no row is padding.
         """
-        chosen = values.index_select(2, self.seen).double()
-        if mask is not None:
-            present = mask.unsqueeze(2).double()
-            touch = Touch(chosen * present, present)
-            chosen = touch.values + touch.last.unsqueeze(1) * (1.0 - present)
-        return chosen.transpose(1, 2)
+        return values.index_select(2, self.seen).double().transpose(1, 2)
 
-    def answers(self, series: Tensor, number: int) -> Tensor:
+    def answers(self, seen: Tensor, rows: Tensor | None, number: int) -> Tensor:
         """Return what kernels answer, shape (n, slots, kernels of a slot, places).
 
-        Before and behind a window there are zeros, so that kernels at its ends see the level.
-
         Args:
-            series: See `series`.
+            seen: See `seen_values`.
+            rows: Measured rows of each window, shape (n,); None where no row is padding.
             number: Of the dilation.
         """
         apart = int(self.dilation[number])
-        slots = int(self.channel.shape[1])
-        own = series.index_select(1, self.channel[number])
-        wide = functional.pad(own, (TAPS // 2 * apart, TAPS // 2 * apart))
-        rows = self.place.unsqueeze(0) + apart * torch.arange(TAPS).unsqueeze(1)
-        taps = wide.index_select(2, rows.flatten())
-        shape = (-1, slots, TAPS, int(self.place.shape[0]))
+        slots, places = int(self.channel.shape[1]), int(self.place.shape[0])
+        own = seen.index_select(1, self.channel[number])
+        tap = apart * torch.arange(TAPS).unsqueeze(1)
+        if rows is None:
+            reach = TAPS // 2 * apart
+            at = (self.place * int(seen.shape[2])).long() + tap
+            taps = functional.pad(own, (reach, reach)).index_select(2, at.flatten())
+        else:
+            free = (rows - (TAPS - 1) * apart).clamp(min=1).view(-1, 1, 1)
+            at = ((self.place * free).long() + tap).clamp(max=int(seen.shape[2]) - 1)
+            taps = own.gather(2, at.flatten(1).unsqueeze(1).expand(-1, slots, -1))
         kernels = torch.from_numpy(kernels_of(slots, number))
-        return torch.matmul(kernels, taps.view(shape))
+        return torch.matmul(kernels, taps.view(-1, slots, TAPS, places))
 
     def _load_from_state_dict(self, state_dict: Any, prefix: str, *rest: Any) -> None:
         for name in _TABLES:
@@ -120,28 +112,33 @@ class KernelFeatures(nn.Module):
         super()._load_from_state_dict(state_dict, prefix, *rest)
 
 
-def drawn_kernels(steps: int, channels: int, seed: int = 0) -> KernelFeatures:
+def drawn_kernels(
+    steps: int, channels: int, seed: int = 0, shortest: int | None = None
+) -> KernelFeatures:
     """Return features whose biases are 0 yet: as quick and as many as fitted ones.
 
     Args:
         steps: Rows in a window, at least `TAPS`.
         channels: Of the array; their order is drawn where there are more than slots.
         seed: Of that order.
+        shortest: Measured rows of the shortest window; None where no row is padding.
     """
-    most = max(1, (steps - 1) // (TAPS - 1))
+    rows = steps if shortest is None else shortest
+    # Half of a padded window's rows, at least, must be places: as many as in any other.
+    most = max(1, (rows - 1) // (TAPS - 1) if shortest is None else rows // (2 * (TAPS - 1)))
     dilation = np.unique(np.round(np.geomspace(1, most, DILATIONS)).astype(np.int64))
     slots = SLOTS if channels > 1 else 1
     order = np.arange(channels)
     if channels > slots:
         order = np.random.default_rng(seed).permutation(channels)
     seen, channel = np.unique(np.resize(order, (len(dilation), slots)), return_inverse=True)
-    places = min(PLACES, steps)
+    places = min(PLACES, rows if shortest is None else max(1, rows // 2))
     biases = round(BIASES / len(dilation))
     return KernelFeatures(
         dilation=torch.from_numpy(dilation),
         seen=torch.from_numpy(seen.astype(np.int64)),
         channel=torch.from_numpy(channel.reshape(len(dilation), slots).astype(np.int64)),
-        place=torch.from_numpy(((np.arange(places) + 0.5) * steps / places).astype(np.int64)),
+        place=torch.from_numpy((np.arange(places) + 0.5) / places),
         bias=torch.zeros(len(dilation), slots, len(_KERNELS) // slots, biases).double(),
     )
 

@@ -29,7 +29,7 @@ _BATCH_VALUES: Final = 4_000_000
 
 
 def fit_kernels(
-    values: NDArray[np.float32], mask: NDArray[np.bool_], seed: int = 0
+    values: NDArray[np.float32], mask: NDArray[np.bool_], seed: int = 0, *, padded: bool
 ) -> KernelFeatures:
     """Return features whose biases are quantiles of what kernels answer in training windows.
 
@@ -40,14 +40,17 @@ def fit_kernels(
         values: Training windows, shape (n, steps, channels), unscaled.
         mask: Shape (n, steps), False where a row is padding.
         seed: Of the windows that are looked at.
+        padded: Whether windows may be padded.
     """
     random = np.random.default_rng(seed)
     own = random.permutation(len(values))[:LOOKED_AT]
-    found = drawn_kernels(values.shape[1], values.shape[2], seed)
-    series = found.series(torch.from_numpy(values[own]), torch.from_numpy(mask[own]))
+    shortest = int(mask.sum(axis=1).min()) if padded else None
+    found = drawn_kernels(values.shape[1], values.shape[2], seed, shortest)
+    seen = found.seen_values(torch.from_numpy(values[own]))
+    rows = torch.from_numpy(mask[own].sum(axis=1)) if padded else None
     count = 0
     for number, biases in enumerate(found.bias):
-        answers = found.answers(series, number).numpy()
+        answers = found.answers(seen, rows, number).numpy()
         slot, kernel, _ = np.indices(biases.shape)
         taken = np.sort(answers[random.integers(len(own), size=biases.shape), slot, kernel], axis=3)
         share = (_GOLDEN * (1 + count + np.arange(biases.numel()))) % 1.0
@@ -59,7 +62,11 @@ def fit_kernels(
 
 
 def compute_kernels(
-    kernels: KernelFeatures, values: NDArray[np.float32], mask: NDArray[np.bool_]
+    kernels: KernelFeatures,
+    values: NDArray[np.float32],
+    mask: NDArray[np.bool_],
+    *,
+    padded: bool,
 ) -> NDArray[np.float32]:
     """Return features of many windows, shape (n, features) float32.
 
@@ -67,10 +74,10 @@ def compute_kernels(
         kernels: Fitted on training windows.
         values: Shape (n, steps, channels), unscaled.
         mask: Shape (n, steps).
+        padded: Whether windows may be padded, as they were fitted.
     """
     places, (_, slots, each, biases) = len(kernels.place), kernels.bias.shape
     batch = max(1, _BATCH_VALUES // (places * slots * each * biases))
-    padded = not mask.all()
     parts = [np.zeros((0, kernels.bias.numel()), np.float32)]
     with torch.inference_mode():
         for start in range(0, len(values), batch):
@@ -95,6 +102,8 @@ class KeptKernels:
         mask: NDArray[np.bool_],
         learned: NDArray[np.intp],
         wanted: NDArray[np.intp],
+        *,
+        padded: bool,
         seed: int,
     ) -> tuple[KernelFeatures, NDArray[np.float32]]:
         """Return features fitted on some windows, and those of some, shape (wanted, features).
@@ -104,13 +113,15 @@ class KeptKernels:
             mask: Shape (n, steps).
             learned: Windows to learn from.
             wanted: Windows whose features are wanted.
+            padded: Whether windows may be padded.
             seed: Of the windows that are looked at.
         """
         key = sha256(b"%d " % seed + learned.tobytes() + b" " + wanted.tobytes()).digest()
         with self._computing:
             if key not in self._kept:
-                kernels = fit_kernels(values[learned], mask[learned], seed)
-                self._kept[key] = kernels, compute_kernels(kernels, values[wanted], mask[wanted])
+                kernels = fit_kernels(values[learned], mask[learned], seed, padded=padded)
+                found = compute_kernels(kernels, values[wanted], mask[wanted], padded=padded)
+                self._kept[key] = kernels, found
                 while len(self._kept) > 1 and self._bytes() > MOST_KEPT:
                     self._kept.popitem(last=False)
             self._kept.move_to_end(key)

@@ -155,7 +155,8 @@ class Prepared:
             seed: Of the windows that are looked at.
         """
         own = self.dataset.windows
-        return self.kernels.of(own.values, own.mask, learned, wanted, seed)
+        padded = self.config.pad
+        return self.kernels.of(own.values, own.mask, learned, wanted, padded=padded, seed=seed)
 
 
 def load_base(
