@@ -22,7 +22,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
-from torch.nn import functional
 
 KERNELS = "kernels"
 """What these features are called beside `taxel.models.touch_features.BLOCKS`."""
@@ -34,7 +33,7 @@ channel by all. Source: our choice, 0039."""
 DILATIONS, BIASES, PLACES = 6, 18, 100
 """Dilations at most; biases of each kernel over all of them; rows of a window at most around which
 kernels look. Source: as above."""
-_TABLES = ("dilation", "seen", "channel", "place", "bias")
+_TABLES = ("dilation", "channel", "place", "bias")
 
 
 class KernelFeatures(nn.Module):
@@ -42,14 +41,12 @@ class KernelFeatures(nn.Module):
 
     Args:
         dilation: Rows between taps, shape (dilations,).
-        seen: Channels that are looked at, shape (seen,).
-        channel: Which of those each slot sees, shape (dilations, slots).
+        channel: Which channel each slot sees, shape (dilations, slots).
         place: Around which rows kernels look, as shares of those there are, shape (places,).
         bias: Shape (dilations, slots, kernels of a slot, biases) float64.
     """
 
     dilation: Tensor
-    seen: Tensor
     channel: Tensor
     place: Tensor
     bias: Tensor
@@ -66,44 +63,41 @@ class KernelFeatures(nn.Module):
             values: Shape (n, steps, channels), unscaled.
             mask: Shape (n, steps); None where no row is padding.
         """
-        seen, rows = self.seen_values(values), None if mask is None else mask.long().sum(dim=1)
+        rows = None if mask is None else mask.long().sum(dim=1)
         found = []
         for number in range(int(self.dilation.shape[0])):
-            above = self.answers(seen, rows, number).unsqueeze(3) > self.bias[number].unsqueeze(3)
+            above = self.answers(values, rows, number).unsqueeze(3) > self.bias[number].unsqueeze(3)
             # Counts are exact in single precision, which is twice as quick.
             found.append(above.float().sum(dim=4).double() / int(self.place.shape[0]))
         return torch.cat([shares.flatten(1) for shares in found], dim=1)
 
-    def seen_values(self, values: Tensor) -> Tensor:
-        """Return the channels that are looked at, shape (n, seen, steps) float64.
-
-        Args:
-            values: Shape (n, steps, channels), unscaled.
-        """
-        return values.index_select(2, self.seen).double().transpose(1, 2)
-
-    def answers(self, seen: Tensor, rows: Tensor | None, number: int) -> Tensor:
+    def answers(self, values: Tensor, rows: Tensor | None, number: int) -> Tensor:
         """Return what kernels answer, shape (n, slots, kernels of a slot, places).
 
         Args:
-            seen: See `seen_values`.
+            values: Shape (n, steps, channels), unscaled.
             rows: Measured rows of each window, shape (n,); None where no row is padding.
             number: Of the dilation.
         """
-        apart = int(self.dilation[number])
+        apart, last = int(self.dilation[number]), int(values.shape[1]) - 1
         slots, places = int(self.channel.shape[1]), int(self.place.shape[0])
-        own = seen.index_select(1, self.channel[number])
         tap = apart * torch.arange(TAPS).unsqueeze(1)
         if rows is None:
-            reach = TAPS // 2 * apart
-            at = (self.place * int(seen.shape[2])).long() + tap
-            taps = functional.pad(own, (reach, reach)).index_select(2, at.flatten())
+            at = (self.place * (last + 1)).long() + tap - TAPS // 2 * apart
+            inside = ((at >= 0) & (at <= last)).flatten().view(1, -1, 1)
+            at = at.clamp(0, last).flatten()
+            if last * slots < TAPS * places * int(values.shape[2]):  # the less work
+                taps = values.index_select(2, self.channel[number]).index_select(1, at) * inside
+            else:
+                taps = values.index_select(1, at).index_select(2, self.channel[number]) * inside
         else:
             free = (rows - (TAPS - 1) * apart).clamp(min=1).view(-1, 1, 1)
-            at = ((self.place * free).long() + tap).clamp(max=int(seen.shape[2]) - 1)
-            taps = own.gather(2, at.flatten(1).unsqueeze(1).expand(-1, slots, -1))
+            at = ((self.place * free).long() + tap).clamp(max=last).flatten(1)
+            own = values.index_select(2, self.channel[number])
+            taps = own.gather(1, at.unsqueeze(2).expand(-1, -1, slots))
         kernels = torch.from_numpy(kernels_of(slots, number))
-        return torch.matmul(kernels, taps.view(-1, slots, TAPS, places))
+        seen = taps.double().transpose(1, 2).reshape(-1, slots, TAPS, places)
+        return torch.matmul(kernels, seen)
 
     def _load_from_state_dict(self, state_dict: Any, prefix: str, *rest: Any) -> None:
         for name in _TABLES:
@@ -131,13 +125,11 @@ def drawn_kernels(
     order = np.arange(channels)
     if channels > slots:
         order = np.random.default_rng(seed).permutation(channels)
-    seen, channel = np.unique(np.resize(order, (len(dilation), slots)), return_inverse=True)
     places = min(PLACES, rows if shortest is None else max(1, rows // 2))
     biases = round(BIASES / len(dilation))
     return KernelFeatures(
         dilation=torch.from_numpy(dilation),
-        seen=torch.from_numpy(seen.astype(np.int64)),
-        channel=torch.from_numpy(channel.reshape(len(dilation), slots).astype(np.int64)),
+        channel=torch.from_numpy(np.resize(order, (len(dilation), slots)).astype(np.int64)),
         place=torch.from_numpy((np.arange(places) + 0.5) / places),
         bias=torch.zeros(len(dilation), slots, len(_KERNELS) // slots, biases).double(),
     )

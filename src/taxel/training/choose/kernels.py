@@ -46,11 +46,11 @@ def fit_kernels(
     own = random.permutation(len(values))[:LOOKED_AT]
     shortest = int(mask.sum(axis=1).min()) if padded else None
     found = drawn_kernels(values.shape[1], values.shape[2], seed, shortest)
-    seen = found.seen_values(torch.from_numpy(values[own]))
+    looked_at = torch.from_numpy(values[own])
     rows = torch.from_numpy(mask[own].sum(axis=1)) if padded else None
     count = 0
     for number, biases in enumerate(found.bias):
-        answers = found.answers(seen, rows, number).numpy()
+        answers = found.answers(looked_at, rows, number).numpy()
         slot, kernel, _ = np.indices(biases.shape)
         taken = np.sort(answers[random.integers(len(own), size=biases.shape), slot, kernel], axis=3)
         share = (_GOLDEN * (1 + count + np.arange(biases.numel()))) % 1.0

@@ -56,6 +56,7 @@ class _Features(nn.Module):
         self, blocks: tuple[str, ...], pads: tuple[int, ...], steps: int, *, padded: bool
     ) -> None:
         super().__init__()
+        self.blocks = blocks
         plain = tuple(block for block in blocks if block != KERNELS)
         self.features = nn.ModuleList([TouchFeatures(plain, pads)])
         if KERNELS in blocks:
