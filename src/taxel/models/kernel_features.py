@@ -37,19 +37,16 @@ _TABLES = ("dilation", "channel", "place", "bias")
 
 
 class KernelFeatures(nn.Module):
-    """Shares of places above a bias.
-
-    Args:
-        dilation: Rows between taps, shape (dilations,).
-        channel: Which channel each slot sees, shape (dilations, slots).
-        place: Around which rows kernels look, as shares of those there are, shape (places,).
-        bias: Shape (dilations, slots, kernels of a slot, biases) float64.
-    """
+    """Shares of places above a bias."""
 
     dilation: Tensor
+    """Rows between taps, shape (dilations,)."""
     channel: Tensor
+    """Which channel each slot sees, shape (dilations, slots)."""
     place: Tensor
+    """Around which rows kernels look, as shares of those there are, shape (places,)."""
     bias: Tensor
+    """Shape (dilations, slots, kernels of a slot, biases) float64."""
 
     def __init__(self, **tables: Tensor) -> None:
         super().__init__()
