@@ -15,7 +15,7 @@ from taxel.models.heads import TreesHead
 from taxel.models.onnx_session import WindowModel
 from taxel.models.touch_features import TouchFeatures
 from taxel.training.choose.budget import Budget
-from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.candidates import Candidate, first_round
 from taxel.training.choose.choice import Choice, Member
 from taxel.training.choose.costs import ROUNDS, RUNS, Cost
 from taxel.training.choose.fitting import fit_head
@@ -68,6 +68,22 @@ def test_features_that_alone_take_too_long_are_not_tried(
     few, _ = Pieces(slow_quantiles).quick_sets(whole.sets, whole.part.prepared, 270.0)
     assert {len(blocks) for blocks in few.values()} == {1}
     assert next(iter(few)) != "means"
+
+
+def test_channel_means_come_first_where_only_kernels_are_quick_beside_them(
+    found: SearchResult, monkeypatch: pytest.MonkeyPatch
+):
+    """Quick models, by which ways to cut are compared, see the first set."""
+    monkeypatch.setattr("taxel.training.choose.pieces.LARGE", 100)
+
+    def measure(models: Sequence[nn.Module], *_: object) -> list[float]:
+        quick = {"mean", "kernels"}
+        return [sum(100.0 if block in quick else 3000.0 for block in cast(Any, model).blocks)
+                for model in models]  # fmt: skip
+
+    quick, _ = Pieces(measure).quick_sets(found.sets, found.part.prepared, 1000.0)
+    assert list(quick) == ["means", "kernels"]
+    assert first_round(quick, 30)[0].features == "means"
 
 
 def test_features_of_small_windows_are_not_timed(found: SearchResult):

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Final
 
 from taxel.actions.grip_policy import GripPolicy
@@ -90,7 +91,7 @@ def judge_on_gels(run: PourRun) -> list[GelCase]:
     bare, full = replay_loop(run, config), at_full_force(run, config)
     found = []
     for warning in WARNINGS:
-        bundle = _opened(warning)
+        bundle = opened(shipped_bundle(warning))
         for gel in GELS:
             own = replace(config, gel=gel)
             pour = open_pour(run, own)
@@ -99,11 +100,12 @@ def judge_on_gels(run: PourRun) -> list[GelCase]:
             person = bare
             if held.raised_s is not None:
                 person = replay_loop(run, config, stop_pouring_s=held.raised_s + PERSON_S)
-            both = (
-                LoopCase(bare=thin(bare), full=thin(full), held=thin(track))
-                for track in (held, person)
+            played = LoopCase(bare=thin(bare), full=thin(full), held=thin(held))
+            found.append(
+                GelCase(
+                    warning=warning, gel=gel, held=played, person=replace(played, held=thin(person))
+                )
             )
-            found.append(GelCase(warning=warning, gel=gel, held=next(both), person=next(both)))
     return found
 
 
@@ -133,9 +135,9 @@ def _row(name: str, value: float, note: str) -> Row:
 
 
 @lru_cache(maxsize=len(WARNINGS))
-def _opened(name: str) -> GraspBundle:
+def opened(bundle: Path) -> GraspBundle:
     """Open a bundle once a process."""
     import cv2
 
     cv2.setNumThreads(1)
-    return read_grasp_bundle(shipped_bundle(name))
+    return read_grasp_bundle(bundle)

@@ -14,7 +14,6 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -23,7 +22,7 @@ import numpy as np
 
 from taxel.actions.grip_policy import GripPolicy, PixelDifference, PixelDifferenceConfig
 from taxel.bench.closed_loop.bound import grip_bound
-from taxel.bench.closed_loop.gels import grips_on_both_gels
+from taxel.bench.closed_loop.gels import grips_on_both_gels, opened
 from taxel.bench.closed_loop.pours import FAILING, HARD, UNSEEN, is_preventable
 from taxel.bench.closed_loop.scores import (
     NEEDLESS,
@@ -36,7 +35,6 @@ from taxel.bench.closed_loop.scores import (
 )
 from taxel.bench.closed_loop.tuning import thin
 from taxel.bench.rows import Row, missing, row
-from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
 from taxel.decisions.stability import StabilityConfig
 from taxel.jobs.running import side_by_side
 from taxel.live.closed_loop import (
@@ -159,7 +157,7 @@ def judge_pour(
     config = LoopConfig()
     bare, full = replay_loop(run, config), at_full_force(run, config)
     pour = open_pour(run, config)
-    monitor = GraspMonitor(_opened(bundle), pour.cameras, stability)
+    monitor = GraspMonitor(opened(bundle), pour.cameras, stability)
     taxel = run_loop(pour, MonitoredGrip(monitor, GripPolicy(run.force_n)), config)
     plain = None
     if pixels is not None:
@@ -302,12 +300,3 @@ def _info(name: str, value: float, unit: str, note: str) -> Row:
 
 def _over(part: int, whole: int) -> float:
     return part / whole if whole else float("nan")
-
-
-@lru_cache(maxsize=2)
-def _opened(bundle: Path) -> GraspBundle:
-    """Open a bundle once a process."""
-    import cv2
-
-    cv2.setNumThreads(1)
-    return read_grasp_bundle(bundle)

@@ -37,7 +37,7 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "rows": ("rows",),
     "rows without level": ("centred",),
 }
-"""Name → blocks of `taxel.models.touch_features.BLOCKS`; the last is added by `feature_sets`."""
+"""Name → blocks of `taxel.models.touch_features.BLOCKS`; `feature_sets` adds `KERNELS`."""
 PLAIN = "means"
 """The set of each channel's level alone: often what a drift leaves best."""
 LEVEL_FREE = (

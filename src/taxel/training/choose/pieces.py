@@ -168,6 +168,8 @@ class Pieces:
         quick = quick or {PLAIN: sets[PLAIN]}
         if next(iter(quick)) == PLAIN:  # the broadest set comes first
             quick[PLAIN] = quick.pop(PLAIN)
+        if KERNELS in quick:  # and kernels, which are no part of it, last
+            quick[KERNELS] = quick.pop(KERNELS)
         everything, left = (
             {b for blocks in some.values() for b in blocks} for some in (sets, quick)
         )
