@@ -2,7 +2,9 @@
 
 A changed byte can let it wait for ever or end the process, and Python cannot interrupt it. So a
 child (`hdf5_child.py`) reads all but the bulk of the numbers before; it is ended by the system
-when its time or memory is spent. Knows nothing about what is taken of a file.
+when its time or memory is spent. Where many files are read, one child copies itself for each of
+them, which takes milliseconds, where a start of Python takes a tenth of a second and more. Knows
+nothing about what is taken of a file.
 
 Background of our choices: docs/decisions/0033.
 """
@@ -10,9 +12,15 @@ Background of our choices: docs/decisions/0033.
 from __future__ import annotations
 
 import os
+import selectors
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Lock
+from typing import IO
 
 from taxel.errors import BadFile
 
@@ -34,22 +42,116 @@ def try_hdf5(path: Path) -> None:
     key = (str(path.resolve()), found.st_size, found.st_mtime_ns)
     if key in _tried or not sys.executable:
         return
-    # -P: the folder that the user stands in is nobody's package.
-    child = subprocess.Popen(
-        [sys.executable, "-P", str(_CHILD), os.path.abspath(path)],
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-    try:
-        ended = child.wait(_WALL_S)
-    except subprocess.TimeoutExpired:
-        ended = -1
-    finally:
-        child.kill()
-        child.wait()
-    if ended != 0:
+    whole = _shared[-1].whole(path) if _shared else None
+    if whole is None:
+        whole = _whole(path)
+    if not whole:
         raise BadFile(
             "an HDF5 file that its library reads to its end",
             f"{path}, where it breaks off or takes more than a minute or 1 GiB of memory",
             "copy it again",
         )  # fmt: skip
     _tried.add(key)
+
+
+def _whole(path: Path) -> bool:
+    """Return whether the library comes to a file's end, in a process for this file alone."""
+    child = subprocess.Popen(
+        [*_command(), os.path.abspath(path)],
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        return child.wait(_WALL_S) == 0
+    except subprocess.TimeoutExpired:
+        return False
+    finally:
+        child.kill()
+        child.wait()
+
+
+def _command() -> list[str]:
+    # -P: the folder that the user stands in is nobody's package.
+    return [sys.executable, "-P", str(_CHILD)]
+
+
+class _SharedChild:
+    """A child that copies itself for each file; one that is lost is started again."""
+
+    def __init__(self) -> None:
+        self._child: subprocess.Popen[bytes] | None = None
+        self._lock = Lock()
+
+    def whole(self, path: Path) -> bool | None:
+        """Return whether the library comes to a file's end; None where the child itself is lost.
+
+        That is nothing against the file: it is then read in a process of its own.
+        """
+        with self._lock:
+            answer: bytes | None = b""
+            try:
+                answer = self._answer(os.fsencode(os.path.abspath(path)))
+            except OSError:
+                return None
+            finally:
+                if answer not in (b"y", b"n"):
+                    self._end()
+            return None if answer == b"" else answer == b"y"
+
+    def _answer(self, path: bytes) -> bytes | None:
+        """Return the child's answer; None where it takes too long, nothing where it has ended."""
+        if self._child is None:
+            self._child = subprocess.Popen(
+                _command(), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL, start_new_session=True,
+            )  # fmt: skip
+        paths, answers = _pipes(self._child)
+        paths.write(path.hex().encode() + b"\n")
+        paths.flush()
+        with selectors.DefaultSelector() as waiting:
+            waiting.register(answers, selectors.EVENT_READ)
+            return os.read(answers.fileno(), 1) if waiting.select(_WALL_S) else None
+
+    def end(self) -> None:
+        """End it; a file that comes after all has another."""
+        with self._lock:
+            self._end()
+
+    def _end(self) -> None:
+        if self._child is None:
+            return
+        with suppress(ProcessLookupError):
+            os.killpg(self._child.pid, signal.SIGKILL)  # with the copy that reads a file
+        for pipe in _pipes(self._child):
+            with suppress(OSError):  # what was not sent yet
+                pipe.close()
+        self._child.wait()
+        self._child = None
+
+
+def _pipes(child: subprocess.Popen[bytes]) -> tuple[IO[bytes], IO[bytes]]:
+    assert child.stdin is not None
+    assert child.stdout is not None
+    return child.stdin, child.stdout
+
+
+_shared: list[_SharedChild] = []
+"""That of `many_hdf5`, or none."""
+
+
+@contextmanager
+def many_hdf5() -> Iterator[None]:
+    """Let one child read all HDF5 files that are opened within, each with limits of its own.
+
+    It starts with the first of them and ends with the block. Only on Linux: elsewhere, as outside
+    of the block, each file has a process of its own.
+    """
+    if _shared or sys.platform != "linux":
+        yield
+        return
+    child = _SharedChild()
+    _shared.append(child)
+    try:
+        yield
+    finally:
+        _shared.remove(child)
+        child.end()

@@ -192,9 +192,11 @@ def test_pairs_that_are_named_are_those_that_the_split_parts(make_set: Make) -> 
 
     found = shared_copies(case, "duplicates", {inside: 1.0, parted: 0.9}, "hold the same rows")
 
-    assert found.examples == ("r01#0 and r17#0 (90.0 % alike)",)
+    assert found.examples == ("r01#0 and r17#0 (90.0 % of the rows in common)",)
     odd = shared_copies(case, "duplicates", {(0, 5): 1.0, parted: 0.9}, "hold the same rows")
-    assert odd.examples[0] == "r00#0 [c0] and r05#0 [c1] (100.0 % alike, on one side)"
+    assert (
+        odd.examples[0] == "r00#0 [c0] and r05#0 [c1] (100.0 % of the rows in common, on one side)"
+    )
 
 
 def test_of_two_labels_nobody_knows_which_is_right(make_set: Make) -> None:

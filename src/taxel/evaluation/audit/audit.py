@@ -10,8 +10,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from taxel.evaluation.audit.case import Case, Reading
+from taxel.evaluation.audit.constant_rows import constant_rows
 from taxel.evaluation.audit.copies import exact_copies, near_copies, same_rows
-from taxel.evaluation.audit.copy_findings import COPIES_UNKNOWN, Alike, repeated, shared_copies
+from taxel.evaluation.audit.copy_findings import (
+    COPIES_UNKNOWN,
+    Alike,
+    repeated,
+    shared_copies,
+    shared_rows,
+)
 from taxel.evaluation.audit.cut_windows import beside_windows, cut_windows
 from taxel.evaluation.audit.evidence import trial_folds
 from taxel.evaluation.audit.finding import Audit, Finding, holm, sort_findings
@@ -146,8 +153,7 @@ def _copies(case: Case) -> list[Finding]:
     same = same_rows(touch)
     cut = cut_windows(touch)
     copied = None if same is None else beside_windows(touch, same, cut)
-    facts.append(COPIES_UNKNOWN if copied is None else
-                 shared_copies(case, "duplicates", copied, "hold the same rows"))  # fmt: skip
+    facts.append(COPIES_UNKNOWN if copied is None else shared_rows(case, copied))
     facts.append(shared_copies(case, "cut with overlap", cut, _CUT, streams=True))
     near, repeats, turned = near_copies(touch, {**cut, **(same or {})})
     unseen = left_out(touch.rows)
@@ -161,6 +167,7 @@ def _copies(case: Case) -> list[Finding]:
     own = Alike(exact_copies(touch, turned), "are alike turned round")
     facts.append(shared_copies(case, "augmented copies", turned, "are copies turned round",
                                unseen, alike=own))  # fmt: skip
+    facts.append(constant_rows(case, {**(same or {}), **near, **turned}))
     return facts
 
 

@@ -81,6 +81,25 @@ def _same_numbers(
         run = min(2 * run, longest)
 
 
+def rows_in_common(touch: TouchSet, pairs: Pairs) -> Pairs:
+    """Return how many rows of the shorter trial of each pair the other holds, too, 0…1.
+
+    A row counts within six rows in order that both hold, wherever they start.
+    """
+    numbers = row_numbers(touch.rows)
+    whole = [hash(own.tobytes()) for own in numbers]
+
+    def share(a: int, b: int) -> float:
+        if whole[a] == whole[b]:  # as in a trial that was copied a thousand times
+            return 1.0
+        short, long = sorted((numbers[a], numbers[b]), key=len)
+        run = min(RUN, len(short))
+        found = np.isin(runs_of(short, run), runs_of(long, run))
+        return float((np.convolve(found, np.ones(run)) > 0).mean())
+
+    return {pair: share(*pair) for pair in pairs}
+
+
 def rows_backwards(touch: TouchSet) -> Pairs:
     """Return pairs of trials of which one, run backwards, shares runs of rows with the other."""
     n = len(touch)
@@ -99,7 +118,7 @@ def _shared_runs(
     And whether half of the trials have several such runs: where values are coarse or held for many
     rows, few runs say something.
     """
-    each = [np.unique(_runs(own, run)) for own in numbers]
+    each = [np.unique(changing_runs(own, run)) for own in numbers]
     sizes = [len(own) for own in each]
     owner = np.repeat(np.arange(len(each)), sizes)
     every = np.concatenate(each)
@@ -227,7 +246,7 @@ def row_numbers(trials: Sequence[NDArray[np.float32]]) -> list[NDArray[np.uint64
     return np.split(found, ends[:-1])
 
 
-def _runs(of_row: NDArray[np.uint64], run: int) -> NDArray[np.uint64]:
+def changing_runs(of_row: NDArray[np.uint64], run: int = RUN) -> NDArray[np.uint64]:
     """Return one number for each run of rows that says something, shape (m,).
 
     A trial that is shorter than the shortest runs is one by itself.
@@ -239,13 +258,19 @@ def _runs(of_row: NDArray[np.uint64], run: int) -> NDArray[np.uint64]:
     if len(of_row) < run > RUN:
         return np.zeros(0, np.uint64)
     run = min(run, len(of_row))
-    found = np.zeros(len(of_row) - run + 1, np.uint64)
-    with np.errstate(over="ignore"):
-        for k in range(run):
-            found = found * np.uint64(0x9E3779B97F4A7C15) + of_row[k : k + len(found)]
+    found = runs_of(of_row, run)
     fresh = np.concatenate([[False], of_row[1:] != of_row[:-1]])
     changes = np.convolve(fresh, np.ones(run), "valid") - fresh[: len(found)]
     return np.asarray(found[changes >= min(run - 1, (RUN + 1) // 2)], np.uint64)
+
+
+def runs_of(of_row: NDArray[np.uint64], run: int) -> NDArray[np.uint64]:
+    """Return one number for each run of so many rows, shape (rows − run + 1,)."""
+    found = np.zeros(max(0, len(of_row) - run + 1), np.uint64)
+    with np.errstate(over="ignore"):
+        for k in range(run):
+            found = found * np.uint64(0x9E3779B97F4A7C15) + of_row[k : k + len(found)]
+    return found
 
 
 def _courses(touch: TouchSet, index: NDArray[np.intp]) -> NDArray[np.float64]:

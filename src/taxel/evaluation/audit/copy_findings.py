@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from taxel.evaluation.audit.case import Case
-from taxel.evaluation.audit.copies import ENOUGH, Pairs
+from taxel.evaluation.audit.copies import ENOUGH, Pairs, rows_in_common
 from taxel.evaluation.audit.evidence import SURE, sign_p, trial_folds
 from taxel.evaluation.audit.finding import LITTLE, Finding
 from taxel.evaluation.audit.shared import Partners, commonest, looked_up
 from taxel.evaluation.audit.sides import Sides
-from taxel.evaluation.audit.touch_set import SESSIONS, Pieces, TouchSet
+from taxel.evaluation.audit.touch_set import LEAST_ROWS, SESSIONS, Pieces, TouchSet
 from taxel.labels.trials import OBJECTS
 from taxel.plain_text import number_of, several
 
@@ -96,7 +96,8 @@ def shared_copies(
     odd = len(_odd(touch, pairs))
     if odd:
         what += f" ({odd} of {number_of(len(pairs), 'pair')} with two different labels)"
-    examples = _examples(touch, pairs, "of the rows in common" if streams else "alike", parted)
+    in_rows = streams or (kind == "duplicates" and max(map(len, touch.rows)) >= LEAST_ROWS)
+    examples = _examples(touch, pairs, "of the rows in common" if in_rows else "alike", parted)
     if case.sides is not None and not copies.crossing:
         return _one_side_note(kind, f"{number_of(len(pairs), 'pair')} of trials {what}",
                               copies.twice, streams, examples, odd)  # fmt: skip
@@ -120,6 +121,29 @@ def shared_copies(
         examples=examples, at_most=at_most,
     )  # fmt: skip
     return _by_gain(found, _gains(split, copies, copies_of)) if doubtful else found
+
+
+def shared_rows(case: Case, pairs: Pairs) -> Finding:
+    """Return the finding on trials that hold the same rows, or part of them.
+
+    Args:
+        case: The audit.
+        pairs: Trials that share a fifth of their changing runs of rows or more.
+    """
+    if not pairs:
+        return shared_copies(
+            case, "duplicates", {}, "share a fifth or more of the rows that change"
+        )
+    shares = rows_in_common(case.touch, pairs)
+    part = [f"{100 * share:.0f}" for share in sorted(shares.values()) if share < 1.0]
+    if not part:
+        return shared_copies(case, "duplicates", shares, "hold the same rows")
+    share = f"{' % to '.join(dict.fromkeys((part[0], part[-1])))} % of the shorter one's"
+    words = f"hold the same rows, {len(part)} of {len(pairs)} pairs only in part, {share}"
+    if len(part) == len(pairs):
+        words = f"hold in part the same rows, {share}"
+    found = shared_copies(case, "duplicates", shares, words)
+    return replace(found, mend=f"find out how rows of one trial came into another; {found.mend}")
 
 
 def _gains(case: Case, copies: _CopiesOnSides, copies_of: Mapping[int, set[int]]) -> list[int]:

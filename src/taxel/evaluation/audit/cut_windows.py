@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.evaluation.audit.copies import RUN, SHARED, Pairs, overlap, row_numbers
+from taxel.evaluation.audit.copies import RUN, SHARED, Pairs, overlap, row_numbers, runs_of
 from taxel.evaluation.audit.touch_set import TouchSet
 
 Numbers = NDArray[np.uint64]
@@ -97,11 +97,11 @@ def _going_on(
     run = max(1, min(RUN, min(map(len, numbers)) - 1))
     begin: dict[int, list[int]] = defaultdict(list)
     for b, other in enumerate(others):
-        begin[int(_of_runs(other[:run], run)[0])].append(b)
+        begin[int(runs_of(other[:run], run)[0])].append(b)
     # What many trials begin with is rest.
     known = np.array(sorted(k for k, own in begin.items() if len(own) <= _MANY), np.uint64)
     for a, own in enumerate(numbers):
-        runs = _of_runs(own, run)
+        runs = runs_of(own, run)
         for k in np.flatnonzero(np.isin(runs, known)):
             tail = own[k:]
             for b in begin[int(runs[k])] if k and _changes(tail) else ():
@@ -109,15 +109,6 @@ def _going_on(
                 if (a != b and len(other) > len(tail) >= SHARED * shorter
                         and np.array_equal(tail, other[: len(tail)])):  # fmt: skip
                     yield a, b, len(tail) / shorter
-
-
-def _of_runs(own: Numbers, run: int) -> Numbers:
-    """Return one number for each run of so many rows, shape (rows − run + 1,)."""
-    found = np.zeros(max(0, len(own) - run + 1), np.uint64)
-    with np.errstate(over="ignore"):
-        for k in range(run):
-            found = found * np.uint64(0x9E3779B97F4A7C15) + own[k : k + len(found)]
-    return found
 
 
 def _changes(rows: Numbers) -> bool:

@@ -145,14 +145,35 @@ def one_class_folds(case: Case) -> Finding:
                        message="Every fold tests several classes, all of them trained.",
                        )  # fmt: skip
     more = f", and {len(problems) - 1} more" if len(problems) > 1 else ""
+    why, mend = _of_groups(case)
     return Finding(
         kind="one-class folds", verdict="leak", alone=right / total,
         majority=majority(y, case.sides.folds),
         message=f"{problems[0][0].upper()}{problems[0][1:]}{more}: one constant answer per fold "
-                "is enough, without touch.",
-        mend="deal out groups so that each fold holds every class, or pool the folds' predictions",
+                f"is enough, without touch.{why}",
+        mend=mend or "deal out groups so that each fold holds every class, or pool the folds' "
+                     "predictions",
         examples=tuple(problems[:3]),
     )  # fmt: skip
+
+
+def _of_groups(case: Case) -> tuple[str, str]:
+    """Return why folds of whole groups test one class, and what to do; nothing of other folds."""
+    assert case.sides is not None
+    key, count = case.sides.key, case.sides.fold_count
+    if key is None:
+        return "", ""
+    groups, folds = _of(case, key), len(case.sides.folds)
+    names = sorted(set(groups))
+    single = sum(len(set(case.touch.y[groups == name].tolist())) == 1 for name in names)
+    why = f" {single} of {len(names)} {several(key)} hold one class each, and the split makes " \
+          f"{folds} folds of them: accuracy in such a fold shows how often that class is named, " \
+          "not whether classes are distinguished."  # fmt: skip
+    if count is None:
+        return why, f"hold out another group, or record several classes in each {key}: no " \
+                    f"smaller --fold-count mends it. Or pool the folds' predictions"  # fmt: skip
+    return why, f"choose --fold-count {count}, the most with which each fold tests several " \
+                f"classes; or record several classes in each {key}"  # fmt: skip
 
 
 def future_labels(case: Case) -> Finding:

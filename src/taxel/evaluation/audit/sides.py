@@ -7,6 +7,7 @@ about checks.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,9 +19,10 @@ from taxel.evaluation.audit.evidence import Fold
 from taxel.evaluation.audit.touch_set import Pieces, TouchSet, as_dataset, cut_pieces
 from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_table
 from taxel.evaluation.shared_values import can_be_held_out
-from taxel.evaluation.splits import TrialFold, parse_split
+from taxel.evaluation.splits import TrialFold, by_group, parse_split
 from taxel.labels.trials import OBJECTS, span_at
 from taxel.recordings.imports.video_rows import SPLIT, TEST
+from taxel.windows.dataset import Dataset
 
 _SLACK_S = 1e-3
 
@@ -34,6 +36,11 @@ class Sides:
     """Indices of training and test pieces."""
     claimed: tuple[str, ...]
     """Groups that are said to be unseen in the test part."""
+    key: str | None = None
+    """The group that one of taxel's own splits holds out; None for all others."""
+    fold_count: int | None = None
+    """Where folds of that split test one class each: the most folds that test several; None if
+    there are none."""
 
     def whole_trials(self, pieces: Pieces) -> bool:
         """Return whether no trial stands on both sides of a fold."""
@@ -62,9 +69,34 @@ def named_sides(
         fold.windows(dataset) if isinstance(fold, TrialFold) else (fold.train, fold.test)
         for fold in split.folds
     )
-    if text.startswith("group:"):
-        claimed = tuple(dict.fromkeys((*claimed, text.removeprefix("group:"))))
-    return pieces, Sides(name=split.name, folds=found, claimed=claimed)
+    if not text.startswith("group:"):
+        return pieces, Sides(name=split.name, folds=found, claimed=claimed)
+    key = text.removeprefix("group:")
+    claimed = tuple(dict.fromkeys((*claimed, key)))
+    fewer = _of_several_classes(touch, dataset, key, folds, seed)
+    return pieces, Sides(name=split.name, folds=found, claimed=claimed, key=key, fold_count=fewer)
+
+
+def _of_several_classes(
+    touch: TouchSet, dataset: Dataset, key: str, folds: int, seed: int
+) -> int | None:
+    """Return the most folds of whole groups that each test several classes.
+
+    None where there are none, and where so many folds already do.
+    """
+
+    def tested(count: int) -> list[int]:
+        found = by_group(dataset, touch.target, key, count, seed).folds
+        return [len(set(touch.y[sorted(fold.test)].tolist())) for fold in found
+                if isinstance(fold, TrialFold)]  # fmt: skip
+
+    if min(tested(folds)) > 1:
+        return None
+    for count in range(folds - 1, 1, -1):
+        with suppress(BadSplit):
+            if min(tested(count)) > 1:
+                return count
+    return None
 
 
 def given_sides(touch: TouchSet, steps: int, claimed: tuple[str, ...] = ()) -> tuple[Pieces, Sides]:

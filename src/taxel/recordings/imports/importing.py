@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from taxel.errors import BadTable
+from taxel.foreign.hdf5_trial import many_hdf5
 from taxel.plain_text import visible
 from taxel.recordings.imports import tables
 from taxel.recordings.imports.earlier import IMPORTED, import_folder
@@ -106,6 +107,7 @@ def import_table(
     )  # fmt: skip
 
 
+@many_hdf5()
 def import_rows(
     rows: Sequence[ImportRow],
     output_dir: Path,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from taxel.errors import BadTable
+from taxel.foreign.hdf5_trial import many_hdf5
 from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.header import PLAIN_COLUMNS, PREFIXES, check_header, table_cells
 from taxel.recordings.imports.intervals import stem_of
@@ -63,6 +64,7 @@ class ImportRow:
     """Why no trial can be read from a file that holds many."""
 
 
+@many_hdf5()
 def read_rows(
     manifest_csv: Path, data_dir: Path, *, outside: bool = False, skip_unreadable: bool = False
 ) -> list[ImportRow]:

@@ -1,0 +1,179 @@
+"""Claims about the one process that reads many HDF5 files, a copy of itself each."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from array_writers import write_mat73
+
+from taxel.errors import BadFile
+from taxel.foreign import hdf5_trial
+from taxel.foreign.array_files import open_arrays
+from taxel.foreign.hdf5_trial import many_hdf5, try_hdf5
+from taxel.recordings.imports.importing import ImportOptions, import_table
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a process for each")
+_READ = "    limit()\n"
+"""Where the child begins to read a file, with `path`."""
+
+
+@pytest.fixture
+def started(monkeypatch):
+    """Return the processes that were started to read HDF5, as they are started."""
+    found = []
+
+    class Noted(subprocess.Popen):
+        def __init__(self, words, **more):
+            super().__init__(words, **more)
+            found.append(self)
+
+    monkeypatch.setattr(hdf5_trial.subprocess, "Popen", Noted)
+    return found
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Five files, the third called bad."""
+    names = ["a", "b", "bad", "c", "d"]
+    for name in names:
+        with h5py.File(tmp_path / f"{name}.h5", "w") as file:
+            file["X"] = np.ones((1, 5, 2), "f4")
+    return [tmp_path / f"{name}.h5" for name in names]
+
+
+def spoil(monkeypatch, folder: Path, lines: str, **numbers: str) -> None:
+    """Let the child do more before it reads a file (BAD: the bad one), or change its limits."""
+    text = hdf5_trial._CHILD.read_text()
+    assert text.count(_READ) == 1
+    lines = lines.replace("BAD", "path.endswith('bad.h5')")
+    text = text.replace(_READ, _READ + "".join(f"    {line}\n" for line in lines.splitlines()))
+    for name, number in numbers.items():
+        start = text.index(f"\n{name} = ") + 1
+        text = text[:start] + f"{name} = {number}" + text[text.index("\n", start) :]
+    script = folder / "child.py"
+    script.write_text(text)
+    monkeypatch.setattr(hdf5_trial, "_CHILD", script)
+
+
+def refused(files: list[Path]) -> list[str]:
+    """Return the files that are refused, by their names."""
+    return [file.stem for file in files if not _survives(file)]
+
+
+def _survives(file: Path) -> bool:
+    try:
+        try_hdf5(file)
+    except BadFile:
+        return False
+    return True
+
+
+def test_many_files_take_one_process_that_ends_with_them(files, started):
+    """Also within a block of its own, such as that of a part of the work."""
+    with many_hdf5():
+        assert not started
+        assert refused(files[:2]) == []
+        with many_hdf5():
+            assert refused(files[2:]) == []
+        assert started[0].poll() is None
+    assert len(started) == 1
+    assert started[0].returncode is not None
+    files[0].touch()
+    assert refused(files[:1]) == []
+    assert len(started) == 2  # as before: a process of its own
+
+
+@pytest.mark.parametrize(
+    "harm",
+    [
+        pytest.param("if BAD: os.abort()", id="breaks off"),
+        pytest.param("while BAD: pass", id="reads for ever", marks=pytest.mark.slow),
+        pytest.param("if BAD: bytearray(200 * 2**20)", id="takes more memory"),
+        pytest.param("if BAD: print('yyy', flush=True) or os.write(1, b'y') and os.abort()",
+                     id="answers"),
+    ],
+)  # fmt: skip
+def test_a_file_that_its_library_does_not_survive_is_refused_alone(
+    files, started, monkeypatch, tmp_path, harm
+):
+    """The files before and after it are read, by the same process."""
+    spoil(monkeypatch, tmp_path, harm, CPU_S="1", MEMORY="100 * 2**20")
+    with many_hdf5():
+        assert refused(files) == ["bad"]
+    assert len(started) == 1
+
+
+def test_a_file_at_which_the_library_sleeps_is_refused_and_the_next_has_a_new_process(
+    files, started, monkeypatch, tmp_path
+):
+    """The process that waits is ended, with the copy of it that sleeps."""
+    copies = tmp_path / "copies"
+    spoil(monkeypatch, tmp_path,
+          "import pathlib, time\n"
+          f"if BAD: pathlib.Path({str(copies)!r}).write_text(str(os.getpid()))\n"
+          "if BAD: time.sleep(1000)")  # fmt: skip
+    with many_hdf5():
+        assert refused(files[:2]) == []
+        monkeypatch.setattr(hdf5_trial, "_WALL_S", 0.5)
+        assert refused(files[2:3]) == ["bad"]
+        monkeypatch.setattr(hdf5_trial, "_WALL_S", 120.0)
+        assert refused(files[3:]) == []
+    assert len(started) == 2
+    status = Path(f"/proc/{copies.read_text() if copies.exists() else 'none'}/stat")
+    assert not status.exists() or status.read_text().split()[2] in "ZX"
+
+
+def test_matlabs_files_of_version_7_3_are_read_so_too(started, tmp_path):
+    """They are HDF5; older ones need no child."""
+    with many_hdf5():
+        for number in range(3):
+            write_mat73(tmp_path / f"{number}.mat", {"X": np.ones((2, 3))})
+            file = open_arrays(tmp_path / f"{number}.mat")
+            assert file.names() == ("X",)
+            file.close()
+    assert len(started) == 1
+
+
+def test_each_file_has_the_whole_memory(files, monkeypatch, tmp_path):
+    """What one has taken is not counted against the next."""
+    spoil(monkeypatch, tmp_path, "sys.kept = getattr(sys, 'kept', []) + [bytearray(60 * 2**20)]",
+          MEMORY="100 * 2**20")  # fmt: skip
+    with many_hdf5():
+        assert refused(files) == []
+
+
+def test_a_process_that_is_lost_is_nothing_against_the_file(files, started, monkeypatch, tmp_path):
+    """The file that was being read then has a process of its own, and the next one a new one."""
+    spoil(monkeypatch, tmp_path,
+          "if BAD and len(sys.argv) == 1: os.kill(os.getppid(), 9)")  # fmt: skip
+    with many_hdf5():
+        assert refused(files) == []
+    assert [len(child.args) for child in started] == [3, 4, 3]
+
+
+def test_a_process_that_ended_while_it_waited_is_nothing_against_the_next_file(files, started):
+    """Such as one that the system ended for want of memory."""
+    with many_hdf5():
+        assert refused(files[:1]) == []
+        started[0].kill()
+        os.waitid(os.P_PID, started[0].pid, os.WEXITED | os.WNOWAIT)
+        assert refused(files[1:]) == []
+    assert [len(child.args) for child in started] == [3, 4, 3]
+
+
+def test_an_import_of_many_files_starts_one_process(files, started, monkeypatch, tmp_path):
+    """Of those of its files that are damaged, each is left out by itself."""
+    spoil(monkeypatch, tmp_path, "if BAD: os.abort()")
+    (tmp_path / "table.csv").write_text(
+        "file,trials,axes,channels,time\n*.h5,X,trials rows channels,a[N] b[N],rate:100Hz\n"
+    )
+    facts: list = []
+    made = import_table(tmp_path / "table.csv", tmp_path / "out", on_file=facts.append,
+                        options=ImportOptions(skip_unreadable=True))  # fmt: skip
+    assert [path.name for path in made] == [f"{name}.mcap" for name in "abcd"]
+    assert [fact.file for fact in facts if fact.left_out] == ["bad.h5"]
+    assert len(started) == 1
