@@ -15,7 +15,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.data_stream import RecordBuilder
 from mcap.records import Metadata
-from mutations import DEEP, LONG, NUMBERS, changed_bytes, changed_json, changed_npy
+from mutations import DEEP, LONG, NUMBERS, changed_bytes, changed_json, changed_npy, changed_wav
+from scipy.io import wavfile
 
 from taxel.bench.faults.hostile_files import assembled, chunk, record, records_of
 from taxel.clock import ManualClock
@@ -257,6 +258,14 @@ def npy_of(values: np.ndarray) -> bytes:
     return raw.getvalue()
 
 
+def wav_of(values: np.ndarray) -> bytes:
+    import io
+
+    raw = io.BytesIO()
+    wavfile.write(raw, 100, values.astype(np.float32))
+    return raw.getvalue()
+
+
 @given(st.data())
 @FUZZ
 def test_tables_are_imported_or_refused(
@@ -264,7 +273,9 @@ def test_tables_are_imported_or_refused(
 ) -> None:
     folder = tmp_path_factory.getbasetemp() / "tables"
     folder.mkdir(exist_ok=True)
-    what = data.draw(st.sampled_from(("list", "csv", "csv", "gz", "npy", "npy", "intervals")))
+    what = data.draw(
+        st.sampled_from(("list", "csv", "csv", "gz", "npy", "npy", "wav", "wav", "intervals"))
+    )
     row = dict(zip(LIST.strip().split(","), ROW, strict=True))
     content = {"values.csv": TABLE.encode(), "values.npy": npy_of(VALUES)}
     intervals = b"start_s,end_s,label:x\n0,0.02,a\n0.03,0.05,b\n"
@@ -277,6 +288,10 @@ def test_tables_are_imported_or_refused(
     elif what == "npy":
         content["values.npy"] = data.draw(changed_npy(content["values.npy"]))
         row |= {"file": "values.npy", "channels": "2[V] 3[V]", "time": "1[s]"}
+    elif what == "wav":
+        content["values.wav"] = data.draw(changed_wav(wav_of(VALUES)))
+        row |= {"file": "values.wav", "channels": data.draw(st.sampled_from(("", "3[V] 1[V]"))),
+                "time": ""}  # fmt: skip
     elif what == "intervals":
         intervals = data.draw(changed_cells(intervals.decode()))
     table = LIST + ",".join(row.values()) + "\n"

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from taxel.errors import BadTable
+from taxel.foreign.wav_file import WAV_ENDING
 from taxel.plain_text import number_of
 from taxel.recordings.imports import tables
 from taxel.recordings.imports.layouts import LayoutReader, find_layout
@@ -24,6 +25,7 @@ from taxel.recordings.imports.table_columns import text_cells
 from taxel.recordings.imports.tables import Column, Missing, Table
 from taxel.recordings.imports.trial_runs import TextTrials
 from taxel.recordings.imports.trial_sets import Padding
+from taxel.recordings.imports.wav_tables import wav_reader
 from taxel.signals import Mark, Samples
 
 
@@ -77,6 +79,9 @@ def _table_reader(
         reader = find_layout(row.layout, code_dir, allow_code)
         chosen = tables.parse_columns(row.channels, where) if row.channels else ()
         return lambda: (_by_layout(row, reader, chosen, missing, bad_times), Padding())
+    if row.file.name.lower().endswith(WAV_ENDING):
+        read_wav = wav_reader(row.file, row.channels, row.time, where)
+        return lambda: (read_wav(missing), Padding())
     columns, time = tables.parse_columns(row.channels, where), tables.parse_time(row.time, where)
     but = row.by_row.values()
     return lambda: (

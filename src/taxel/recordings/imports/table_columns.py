@@ -314,7 +314,7 @@ def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) 
         if name in twice:
             raise _several(path, name, names, what, counted=counted)
         if name not in found:
-            index = _as_number(name) if counted else 0
+            index = as_number(name) if counted else 0
             if not 1 <= index <= len(names):
                 raise _no_column(path, name, "no such column", what)
             found[name] = index - 1
@@ -322,7 +322,7 @@ def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) 
 
 
 def _number_of(path: Path, name: str, columns: int) -> int:
-    index = _as_number(name)
+    index = as_number(name)
     if not 1 <= index <= columns:
         raise BadTable(
             f"columns by their numbers, 1 to {columns}: no names are in {path}", repr(name[:80]),
@@ -331,7 +331,8 @@ def _number_of(path: Path, name: str, columns: int) -> int:
     return index - 1
 
 
-def _as_number(name: str) -> int:
+def as_number(name: str) -> int:
+    """Return the number, from 1, that a column is called by; 0 where its name is none."""
     return int(name) if is_whole(name) and len(name) < 10 else 0
 
 
