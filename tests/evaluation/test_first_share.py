@@ -199,7 +199,9 @@ def test_by_class_also_where_classes_share_some_numbers_and_one_begins_late():
 
 
 def test_by_class_each_class_needs_two_numbers():
-    with pytest.raises(BadSplit, match=r"two or more numbers .* in every class; got 1 only for can"):
+    with pytest.raises(
+        BadSplit, match=r"two or more numbers .* in every class; got 1 only for can"
+    ):
         first_share("take", np.array(["1", "2", "3", "1", "1"]),
                     np.repeat(["mug", "can"], [3, 2]), "70%", by_class=True)  # fmt: skip
 

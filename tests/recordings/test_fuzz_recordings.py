@@ -212,6 +212,7 @@ def test_a_recording_is_read_or_refused(
 
 
 TABLE = "t,a,b,spare\n" + "".join(f"{10 * i},{i}.5,-{i},x\n" for i in range(6))
+LYING = "\n".join(map(",".join, zip(*[line.split(",")[:3] for line in TABLE.split()], strict=True)))
 LIST = "file,label:sign,group:session,channels,time,full_scale,sensor\n"
 ROW = ["values.csv", "x", "1", "a[V] b[V]", "t[ms]", "3.3", "glove"]
 CELLS = ["", " ", "nan", "inf", "-1", "0", "1e400", "9" * 400, "1_0", "1,5", "x", "a[V]",
@@ -274,7 +275,9 @@ def test_tables_are_imported_or_refused(
     folder = tmp_path_factory.getbasetemp() / "tables"
     folder.mkdir(exist_ok=True)
     what = data.draw(
-        st.sampled_from(("list", "csv", "csv", "gz", "npy", "npy", "wav", "wav", "intervals"))
+        st.sampled_from(
+            ("list", "csv", "csv", "gz", "npy", "npy", "wav", "wav", "lying", "intervals")
+        )
     )
     row = dict(zip(LIST.strip().split(","), ROW, strict=True))
     content = {"values.csv": TABLE.encode(), "values.npy": npy_of(VALUES)}
@@ -292,9 +295,13 @@ def test_tables_are_imported_or_refused(
         content["values.wav"] = data.draw(changed_wav(wav_of(VALUES)))
         row |= {"file": "values.wav", "channels": data.draw(st.sampled_from(("", "3[V] 1[V]"))),
                 "time": ""}  # fmt: skip
+    elif what == "lying":
+        content["values.csv"] = data.draw(changed_cells(LYING))
+        time = data.draw(st.sampled_from(("t[ms]", "1[ms]", "rate:9Hz")))
+        row |= {"time": time, "axes": "channels rows"}
     elif what == "intervals":
         intervals = data.draw(changed_cells(intervals.decode()))
-    table = LIST + ",".join(row.values()) + "\n"
+    table = ",".join(row) + "\n" + ",".join(row.values()) + "\n"
     content["list.csv"] = data.draw(changed_cells(table)) if what == "list" else table.encode()
     for name, own in content.items():
         (folder / name).write_bytes(own)

@@ -84,7 +84,7 @@ def text_columns(
     Raises:
         BadTable: Anything in the file is not as it should be; says where.
     """
-    form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted, beside)
+    form, below = find_form(path, table_lines(path, LARGEST_TABLE), wanted, beside)
     names = form.names
     what = (
         f"a header with {_some(names)}"
@@ -115,7 +115,7 @@ def text_names(
     Raises:
         BadTable: As `text_columns`.
     """
-    return find_form(path, _lines(path, LARGEST_TABLE), wanted, beside)[0].names
+    return find_form(path, table_lines(path, LARGEST_TABLE), wanted, beside)[0].names
 
 
 def text_cells(
@@ -126,7 +126,7 @@ def text_cells(
     Raises:
         BadTable: As `text_columns`, some of it only when the rows are taken.
     """
-    form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted, beside)
+    form, below = find_form(path, table_lines(path, LARGEST_TABLE), wanted, beside)
     what = (
         f"a header with {_some(form.names)}" if form.named else number_of(len(form.names), "column")
     )
@@ -295,7 +295,8 @@ def _raw_lines(path: Path, most: int) -> Iterator[str]:
         ) from error
 
 
-def _lines(path: Path, most: int) -> Iterator[str]:
+def table_lines(path: Path, most: int) -> Iterator[str]:
+    """Return a text's lines without their ends; a BadTable says what cannot be read."""
     return (line.rstrip("\r\n") for line in _raw_lines(path, most))
 
 
