@@ -10,7 +10,12 @@ from taxel.cli.main import main
 from taxel.cli.recordings.simulate.teng import Teng
 from taxel.cli.training.train import Train
 from taxel.errors import BadInput
-from taxel.evaluation.run_scores import GroupInterval, beside_baselines, few_groups
+from taxel.evaluation.run_scores import (
+    GroupInterval,
+    baseline_warning,
+    beside_baselines,
+    few_groups,
+)
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +89,30 @@ def test_a_network_stands_clear_where_its_whole_interval_does_and_runs_could_be_
     assert found == standing
     assert "“means”" in comparison
     assert (few_groups("session", groups) is None) == (groups > 5)
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "trivial", "words"),
+    [
+        (0.4, {"majority": 0.5, "session": 0.5}, "“majority” (50.0 %): nothing was learned that "
+         "holds on the tested days; train longer, or record more days"),
+        (0.4, {"majority": 0.5, "session": 0.8}, "“session” (80.0 %): nothing was learned that "
+         "holds on the tested days, as the majority class alone gives 50.0 %; train longer"),
+        (0.7, {"majority": 0.5, "channel means": 0.7}, "“channel means” (70.0 %): do not claim "
+         "this accuracy for more than the channels' means; train longer"),
+        (0.7, {"majority": 0.5, "session": 0.8}, "“session” (80.0 %): do not claim this accuracy; "
+         "run taxel audit to see whether something gives the label away, train longer"),
+    ],
+)  # fmt: skip
+def test_a_warning_sends_to_the_audit_only_where_a_baseline_that_hardly_sees_touch_is_as_good(
+    accuracy: float, trivial: dict[str, float], words: str
+):
+    """An accuracy below the majority class is no sign of a leak: nothing was learned."""
+    line = baseline_warning("net", accuracy, GroupInterval(0.1, 0.9, 9), "day", trivial)
+
+    assert line is not None
+    assert words in line
+    assert ("audit" in line) == ("audit" in words)
 
 
 @pytest.mark.parametrize(

@@ -170,3 +170,83 @@ def test_names_with_an_underscore_are_no_numbers():
     test = [i for i, own in enumerate(trials) if own.groups["session"] == "1_10"]
 
     assert not what_is_held(trials, np.arange(len(trials)) % 2, train, test, "session").ordered
+
+
+TAKES = np.array([*range(1, 51), *range(1, 11)]).astype(str)
+"""Of two classes, one with five times as many."""
+OF_TAKES = np.repeat(["mug", "can"], [50, 10])
+
+
+def test_by_class_the_later_trials_of_each_are_tested_however_many_numbers_it_has():
+    """Without it, the class with few is wholly trained on."""
+    first, name = first_share("take", TAKES, OF_TAKES, "70%", by_class=True)
+
+    assert (first[:50].sum(), first[50:].sum()) == (35, 7)
+    assert name == "take, first 70 %, of each class → later"
+    assert not set(OF_TAKES[~first_share("take", TAKES, OF_TAKES, "70%")[0]]) & {"can"}
+
+
+def test_by_class_also_where_classes_share_some_numbers_and_one_begins_late():
+    """Where the first of all lack a class, the refusal names the split by class."""
+    numbers = np.array([*range(1, 51), *range(50, 81)]).astype(str)
+    y = np.repeat(["mug", "can"], [50, 31])
+    with pytest.raises(BadSplit, match=r"none of can.*order:take:70%:by-class tests the later"):
+        first_share("take", numbers, y, "50%")
+
+    first, _ = first_share("take", numbers, y, "70%", by_class=True)
+
+    assert (first[y == "mug"].sum(), first[y == "can"].sum()) == (35, 22)
+
+
+def test_by_class_each_class_needs_two_numbers():
+    with pytest.raises(
+        BadSplit, match=r"two or more numbers .* in every class; got 1 only for can"
+    ):
+        first_share("take", np.array(["1", "2", "3", "1", "1"]),
+                    np.repeat(["mug", "can"], [3, 2]), "70%", by_class=True)  # fmt: skip
+
+
+@pytest.mark.parametrize("key", ["session", "day", "object"])
+def test_by_class_no_session_may_be_on_both_sides(key: str):
+    """Takes may: take 8 of one class is another recording than take 8 of another."""
+    with pytest.raises(BadSplit, match=f"each {key} on one side; got 8 on both"):
+        first_share(key, TAKES, OF_TAKES, "70%", by_class=True)
+
+
+def test_arrays_and_cameras_take_a_share_by_class_alike():
+    dataset = make_dataset()
+    y = np.array([trial.labels["shape"] for trial in dataset.trials])
+    trials = [replace(trial, groups=trial.groups | {"take": str(sum(y[:i] == y[i]))})
+              for i, trial in enumerate(dataset.trials)]  # fmt: skip
+    dataset = replace(dataset, trials=trials)
+    (fold,) = parse_split("order:take:50%:by-class", dataset, "shape", 5, 0).folds
+    numbers = np.unique(y, return_inverse=True)[1]
+    groups = [trial.groups for trial in trials]
+
+    (sides,) = split_trials(groups, numbers, "order:take:50%:by-class", 5, 0, sorted(set(y))).folds
+
+    assert (fold.train, fold.test) == (sides.train, sides.test)
+    assert {y[i] for i in fold.test} == {y[i] for i in fold.train} == set(y)
+
+
+@pytest.mark.parametrize("text", ["order:number:50%:by", "order:number:5:by-class", "group:x:50%"])
+def test_a_misspelt_share_by_class_is_refused(text: str):
+    dataset = make_dataset()
+    with pytest.raises(BadSplit, match=r"order:KEY:70%\[:by-class\]"):
+        parse_split(text, dataset, "shape", 5, 0)
+    with pytest.raises(BadSplit, match=r"order:KEY:70%\[:by-class\]"):
+        split_trials([{"number": str(i)} for i in range(4)], np.arange(4) % 2, text, 5, 0)
+
+
+def test_a_class_that_is_only_later_is_sent_to_the_split_by_class():
+    """In both kinds of data."""
+    dataset = make_dataset()
+    with pytest.raises(BadSplit, match="order:take:70%:by-class tests the later trials of each"):
+        split_trials([{"take": str(i)} for i in range(4)], np.array([0, 0, 1, 1]), "order:take:1",
+                     5, 0)  # fmt: skip
+    y = np.array([trial.labels["shape"] for trial in dataset.trials])
+    ranks = np.argsort(np.argsort(y, kind="stable"), kind="stable")
+    trials = [replace(trial, groups=trial.groups | {"take": str(rank)})
+              for trial, rank in zip(dataset.trials, ranks, strict=True)]  # fmt: skip
+    with pytest.raises(BadSplit, match="order:take:70%:by-class tests the later trials of each"):
+        parse_split("order:take:2", replace(dataset, trials=trials), "shape", 5, 0)

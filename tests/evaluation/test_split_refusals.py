@@ -18,7 +18,9 @@ from taxel.windows.checks import MORE_WINDOWS
 from taxel.windows.dataset import Dataset
 
 GROUPS = "groups are number, recording, session, trial"
-SPLITS = "a split: random, group:KEY, order:KEY:LAST, order:KEY:LAST:END or order:KEY:70%"
+SPLITS = (
+    "a split: random, group:KEY, order:KEY:LAST, order:KEY:LAST:END or order:KEY:70%[:by-class]"
+)
 
 
 def words_of(refusal: BadSplit) -> tuple[str, str, str]:

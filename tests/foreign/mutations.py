@@ -123,4 +123,22 @@ def changed_npy(draw: st.DrawFn, honest: bytes) -> bytes:
     return b"\x93NUMPY\1\0" + len(text).to_bytes(2, "little") + text + honest[start:]
 
 
+@st.composite
+def changed_wav(draw: st.DrawFn, honest: bytes) -> bytes:
+    """Return a WAV file with another field in its head, another chunk before it, or other bytes."""
+    kind = draw(st.sampled_from(("field", "field", "chunk", "bytes")))
+    if kind == "bytes":
+        return draw(changed_bytes(honest))
+    if kind == "chunk":
+        size = draw(st.sampled_from([0, 1, 4, 5, 2**31, 2**32 - 1]))
+        return honest[:12] + b"LIST" + struct.pack("<I", size) + b"abcd" + honest[12:]
+    fields = [(4, 4), (16, 4), (20, 2), (22, 2), (24, 4), (28, 4), (32, 2), (34, 2),
+              (honest.index(b"data") + 4, 4)]  # fmt: skip
+    at, width = draw(st.sampled_from(fields))
+    number = draw(
+        st.sampled_from([0, 1, 2, 3, 8, 16, 24, 55, 64, 0xFFFE, 0xFFFF, 2**31, 2**32 - 1])
+    )
+    return honest[:at] + (number % 256**width).to_bytes(width, "little") + honest[at + width :]
+
+
 Change = Callable[[bytes], st.SearchStrategy[bytes]]

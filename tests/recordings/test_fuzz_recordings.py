@@ -15,7 +15,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.data_stream import RecordBuilder
 from mcap.records import Metadata
-from mutations import DEEP, LONG, NUMBERS, changed_bytes, changed_json, changed_npy
+from mutations import DEEP, LONG, NUMBERS, changed_bytes, changed_json, changed_npy, changed_wav
+from scipy.io import wavfile
 
 from taxel.bench.faults.hostile_files import assembled, chunk, record, records_of
 from taxel.clock import ManualClock
@@ -211,6 +212,7 @@ def test_a_recording_is_read_or_refused(
 
 
 TABLE = "t,a,b,spare\n" + "".join(f"{10 * i},{i}.5,-{i},x\n" for i in range(6))
+LYING = "\n".join(map(",".join, zip(*[line.split(",")[:3] for line in TABLE.split()], strict=True)))
 LIST = "file,label:sign,group:session,channels,time,full_scale,sensor\n"
 ROW = ["values.csv", "x", "1", "a[V] b[V]", "t[ms]", "3.3", "glove"]
 CELLS = ["", " ", "nan", "inf", "-1", "0", "1e400", "9" * 400, "1_0", "1,5", "x", "a[V]",
@@ -257,6 +259,14 @@ def npy_of(values: np.ndarray) -> bytes:
     return raw.getvalue()
 
 
+def wav_of(values: np.ndarray) -> bytes:
+    import io
+
+    raw = io.BytesIO()
+    wavfile.write(raw, 100, values.astype(np.float32))
+    return raw.getvalue()
+
+
 @given(st.data())
 @FUZZ
 def test_tables_are_imported_or_refused(
@@ -264,7 +274,11 @@ def test_tables_are_imported_or_refused(
 ) -> None:
     folder = tmp_path_factory.getbasetemp() / "tables"
     folder.mkdir(exist_ok=True)
-    what = data.draw(st.sampled_from(("list", "csv", "csv", "gz", "npy", "npy", "intervals")))
+    what = data.draw(
+        st.sampled_from(
+            ("list", "csv", "csv", "gz", "npy", "npy", "wav", "wav", "lying", "intervals")
+        )
+    )
     row = dict(zip(LIST.strip().split(","), ROW, strict=True))
     content = {"values.csv": TABLE.encode(), "values.npy": npy_of(VALUES)}
     intervals = b"start_s,end_s,label:x\n0,0.02,a\n0.03,0.05,b\n"
@@ -277,9 +291,17 @@ def test_tables_are_imported_or_refused(
     elif what == "npy":
         content["values.npy"] = data.draw(changed_npy(content["values.npy"]))
         row |= {"file": "values.npy", "channels": "2[V] 3[V]", "time": "1[s]"}
+    elif what == "wav":
+        content["values.wav"] = data.draw(changed_wav(wav_of(VALUES)))
+        row |= {"file": "values.wav", "channels": data.draw(st.sampled_from(("", "3[V] 1[V]"))),
+                "time": ""}  # fmt: skip
+    elif what == "lying":
+        content["values.csv"] = data.draw(changed_cells(LYING))
+        time = data.draw(st.sampled_from(("t[ms]", "1[ms]", "rate:9Hz")))
+        row |= {"time": time, "axes": "channels rows"}
     elif what == "intervals":
         intervals = data.draw(changed_cells(intervals.decode()))
-    table = LIST + ",".join(row.values()) + "\n"
+    table = ",".join(row) + "\n" + ",".join(row.values()) + "\n"
     content["list.csv"] = data.draw(changed_cells(table)) if what == "list" else table.encode()
     for name, own in content.items():
         (folder / name).write_bytes(own)

@@ -89,6 +89,15 @@ def test_a_control_as_good_in_accuracy_or_in_loss_is_said(
     assert control_warnings([ours, bar]) == []
 
 
+@pytest.mark.parametrize(("majority", "learned"), [(0.7, True), (0.8, False), (0.85, False)])
+def test_below_the_commonest_class_nothing_was_learned(majority: float, learned: bool) -> None:
+    """Also where another control is better still; above it, it may have been."""
+    constant = scored("control: the commonest class", majority, 0.7)
+    (line,) = control_warnings([scored("taxel", 0.8, 0.5, ""), scored("still", 0.9, 0.7), constant])
+
+    assert ("nothing was learned that holds on the tested trials" in line) is not learned
+
+
 def test_short_trials_are_said_in_a_note() -> None:
     assert frames_note([8, 30], 8) is None
     assert frames_note([1, 1], 1) == "trials of 1 frame: pictures alone, no motion"

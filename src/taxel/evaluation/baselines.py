@@ -24,6 +24,11 @@ _OF_A_CLASS = 50
 """Training windows of a class for each window of a leaf: of 40 trials, leaves of five would leave a
 baseline no rule to find. Source: our choice, docs/decisions/0025."""
 
+MAJORITY = "majority"
+"""The baseline that always names the commonest class."""
+SEES_TOUCH = ("channel means",)
+"""Baselines that see touch, though not its course in time; the others see none, or hardly any."""
+
 Features = Callable[[Dataset], NDArray[np.float32]]
 
 
@@ -89,7 +94,7 @@ def trivial_accuracies(dataset: Dataset, target: str, folds: tuple[Fold, ...]) -
     tested = y[np.concatenate([test for _, test in parts])]
     right = trivial_right(dataset, y, parts)
     return {
-        "majority": float(np.bincount(tested).max() / len(tested)),
+        MAJORITY: float(np.bincount(tested).max() / len(tested)),
         **{name: count / len(tested) for name, count in right.items()},
     }
 
@@ -122,7 +127,7 @@ def below_majority(trivial: Mapping[str, float]) -> str | None:
     Args:
         trivial: As `trivial_accuracies` gives them.
     """
-    below = [name for name, value in trivial.items() if value < trivial.get("majority", 0.0)]
+    below = [name for name, value in trivial.items() if value < trivial.get(MAJORITY, 0.0)]
     return f"worse than always guessing the majority class: {', '.join(below)}" if below else None
 
 

@@ -6,15 +6,40 @@ Background of our choices: docs/decisions/0040.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.labels.trials import as_numbers
+from taxel.labels.trials import USUAL_GROUPS, as_numbers
+
+BY_CLASS = "by-class"
+"""Behind a share: of each class the first trials, by its own numbers."""
+
+
+def names_share(words: Sequence[str]) -> bool:
+    """Return whether a split's words are order:KEY:70% or order:KEY:70%:by-class."""
+    return (
+        len(words) in (3, 4)
+        and words[0] == "order"
+        and words[2].endswith("%")
+        and list(words[3:]) in ([], [BY_CLASS])
+    )
+
+
+def by_class_too(key: str) -> str:
+    """Return the end of a message on a class that is only later: the split that tests each."""
+    return f"; order:{key}:70%:{BY_CLASS} tests the later trials of each class"
 
 
 def first_share(
-    key: str, values: NDArray[np.str_], y: NDArray[np.generic], text: str
+    key: str,
+    values: NDArray[np.str_],
+    y: NDArray[np.generic],
+    text: str,
+    *,
+    by_class: bool = False,
 ) -> tuple[NDArray[np.bool_], str]:
     """Return which trials are the first by a group's numbers, shape (n,), and the split's name.
 
@@ -27,10 +52,13 @@ def first_share(
         values: Each trial's, shape (n,).
         y: Each trial's class, shape (n,).
         text: The share, such as "70%".
+        by_class: Whether each class's own first are taken in any case. A number that two classes
+            share may then be on both sides, which is refused of sessions, objects and the like.
 
     Raises:
         BadSplit: The group is not a number, the share not between 0 and 100 %, one side is empty,
-            or a class is tested that is not among the first.
+            or a class is tested that is not among the first; by class, one has no later trials, or
+            a session is on both sides.
     """
     try:
         share = float(text.removesuffix("%")) / 100.0
@@ -41,10 +69,14 @@ def first_share(
     numbers = group_numbers(key, values)
     early = _first(numbers, share)
     lacking = _lacking(y, early)
-    if _apart(numbers, y) and (lacking or _stretches(numbers, y) == len(set(y.tolist()))):
+    if by_class or (
+        _apart(numbers, y) and (lacking or _stretches(numbers, y) == len(set(y.tolist())))
+    ):
         early = np.zeros(len(y), bool)
         for own in set(y.tolist()):
             early[y == own] = _first(numbers[y == own], share)
+        if by_class:
+            _check_by_class(key, numbers, y, early)
         words = f"{key}, first {100 * early.mean():.0f} %, of each class → later"
     else:
         words = f"{key} up to {numbers[early].max():g} ({100 * early.mean():.0f} %) → above"
@@ -54,9 +86,29 @@ def first_share(
     if lacking := _lacking(y, early):
         raise BadSplit(
             f"each class that is tested among the first {text} by {key!r}",
-            f"none of {', '.join(map(str, lacking))}", "choose a larger share, or another group",
+            f"none of {', '.join(map(str, lacking))}",
+            f"choose a larger share, or another group{by_class_too(key)}",
         )  # fmt: skip
     return early, words
+
+
+def _check_by_class(
+    key: str, numbers: NDArray[np.float64], y: NDArray[np.generic], early: NDArray[np.bool_]
+) -> None:
+    """Refuse a class without later trials, and a session or the like on both sides."""
+    for own in sorted(set(y.tolist()), key=str):
+        if early[y == own].all():
+            only = numbers[y == own]
+            raise BadSplit(
+                f"two or more numbers in the group {key!r} in every class",
+                f"{only[0]:g} only for {own}", "record more of it, or leave it out",
+            )  # fmt: skip
+    both = sorted(set(numbers[early].tolist()) & set(numbers[~early].tolist()))
+    if both and key in USUAL_GROUPS:
+        raise BadSplit(
+            f"each {key} on one side", f"{both[0]:g} on both, as classes are parted by themselves",
+            f"leave {BY_CLASS} out, or number the trials of each class in another group",
+        )  # fmt: skip
 
 
 def _apart(numbers: NDArray[np.float64], y: NDArray[np.generic]) -> bool:

@@ -205,12 +205,39 @@ def baseline_warning(
     standing, comparison = beside_baselines(shown, accuracy, interval, group, trivial)
     more = f"record more {several(group)}"
     mend = {
-        "behind": "do not claim this accuracy; run taxel audit to find what gives the label away, "
-        f"train longer, or {more}",
+        "behind": f"{_meaning(accuracy, group, trivial)}train longer, or {more}",
         "near": f"the difference may be chance; {more}",
         "few": "record more of them",
     }
     return f"{comparison}: {mend[standing]}" if standing in mend else None
+
+
+def _meaning(accuracy: float, group: str, trivial: Mapping[str, float]) -> str:
+    """Return what is known of an accuracy that is no better than the best trivial baseline.
+
+    Below the majority class nothing was learned; that is no sign of a leak. Only where a baseline
+    that hardly sees touch is as good may something give the label away, which the audit finds out.
+
+    Args:
+        accuracy: 0…1.
+        group: What was resampled for its interval.
+        trivial: Baseline → accuracy, 0…1; at least one.
+    """
+    from taxel.evaluation.baselines import MAJORITY, SEES_TOUCH  # loads scikit-learn
+
+    best, majority = max(trivial, key=lambda what: trivial[what]), trivial.get(MAJORITY, -1.0)
+    if accuracy <= majority:
+        than = f", as the majority class alone gives {100 * majority:.1f} %"
+        return (
+            f"nothing was learned that holds on the tested {several(group)}"
+            f"{'' if best == MAJORITY else than}; "
+        )
+    if best in SEES_TOUCH:
+        return "do not claim this accuracy for more than the channels' means; "
+    return (
+        "do not claim this accuracy; run taxel audit to see whether something gives the label "
+        "away, "
+    )
 
 
 def unnamed_line(predictions: Predictions) -> str | None:

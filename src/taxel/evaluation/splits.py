@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.evaluation.first_share import first_share, group_numbers
+from taxel.evaluation.first_share import by_class_too, first_share, group_numbers, names_share
 from taxel.labels.class_order import figures_as_classes
 from taxel.labels.joined import with_joined_label
 from taxel.plain_text import number_of
 from taxel.windows.checks import MORE_WINDOWS, labels_of, no_window
 from taxel.windows.dataset import Dataset
 
-NAMED = "random, group:KEY, order:KEY:LAST, order:KEY:LAST:END or order:KEY:70%"
+NAMED = "random, group:KEY, order:KEY:LAST, order:KEY:LAST:END or order:KEY:70%[:by-class]"
 """What may be named."""
 _TRIES = 50
 """Seeds tried until every training part holds every class."""
@@ -234,11 +234,13 @@ def by_order(dataset: Dataset, target: str, key: str, last: float, end: float = 
         )
     name = f"{key} up to {last:g} → above" + (f", up to {end:g}" if np.isfinite(end) else "")
     fold = _fold(name, before, after)
-    check_classes(dataset, target, fold)
+    check_classes(dataset, target, fold, by_class_too(key))
     return Split(name, (fold,), None, key)
 
 
-def by_share(dataset: Dataset, target: str, key: str, text: str) -> Split:
+def by_share(
+    dataset: Dataset, target: str, key: str, text: str, *, by_class: bool = False
+) -> Split:
     """Train on the first of the numbered groups, a share of the trials; test on the later ones.
 
     Args:
@@ -246,19 +248,25 @@ def by_share(dataset: Dataset, target: str, key: str, text: str) -> Split:
         target: The label.
         key: A group of numbers.
         text: The share, such as "70%".
+        by_class: Whether the first of each class are taken, by its own numbers.
 
     Raises:
-        BadSplit: The group is not a number, the share not between 0 and 100 %, or one side is
-            empty.
+        BadSplit: As `first_share`.
     """
     y = np.array([trial.labels[target] for trial in dataset.trials])
-    first, name = first_share(key, dataset.group(key), y, text)
+    first, name = first_share(key, dataset.group(key), y, text, by_class=by_class)
     return Split(name, (TrialFold.of(name, np.flatnonzero(first), np.flatnonzero(~first)),),
                  None, key)  # fmt: skip
 
 
-def check_classes(dataset: Dataset, target: str, fold: TrialFold) -> None:
+def check_classes(dataset: Dataset, target: str, fold: TrialFold, also: str = "") -> None:
     """Refuse a fold that tests a class which its training part lacks, or trains one class only.
+
+    Args:
+        dataset: The trials.
+        target: The label.
+        fold: To be checked.
+        also: What else mends a class that is not trained on.
 
     Raises:
         BadSplit: So it is.
@@ -268,7 +276,8 @@ def check_classes(dataset: Dataset, target: str, fold: TrialFold) -> None:
     if lacking := sorted(tested - trained):
         raise BadSplit(
             f"every tested class of {target!r} in the training part of {fold.name}",
-            f"none of {', '.join(lacking)}", "train on it too, or leave it out of the test part",
+            f"none of {', '.join(lacking)}",
+            f"train on it too, or leave it out of the test part{also}",
         )  # fmt: skip
     if len(trained) < 2:
         raise BadSplit(f"at least two classes of {target!r} to train on in {fold.name}",
@@ -277,7 +286,7 @@ def check_classes(dataset: Dataset, target: str, fold: TrialFold) -> None:
 
 def parse_split(text: str, dataset: Dataset, target: str, folds: int, seed: int) -> Split:
     """Return the split that a text names: "random", "group:KEY", "order:KEY:LAST[:END]" or
-    "order:KEY:70%".
+    "order:KEY:70%[:by-class]".
 
     Raises:
         BadSplit: The text names none, or the data cannot be split so.
@@ -287,8 +296,8 @@ def parse_split(text: str, dataset: Dataset, target: str, folds: int, seed: int)
         return random_windows(dataset, target, folds, seed, test=0.0)
     if words[0] == "group" and len(words) == 2:
         return by_group(dataset, target, words[1], folds, seed)
-    if words[0] == "order" and len(words) == 3 and words[2].endswith("%"):
-        return by_share(dataset, target, words[1], words[2])
+    if names_share(words):
+        return by_share(dataset, target, words[1], words[2], by_class=len(words) == 4)
     if words[0] == "order" and len(words) in (3, 4):
         try:
             limits = [float(word) for word in words[2:]]

@@ -68,6 +68,14 @@ def zip_of_one(name: str, data: bytes, size: int) -> bytes:
     )
 
 
+def wav(size: int) -> bytes:
+    """Return the head of a WAV file of 16-bit integers that claims so many bytes of them."""
+    form = struct.pack("<4sIHHIIHH", b"fmt ", 16, 1, 1, 44_100, 88_200, 2, 16)
+    return (
+        b"RIFF" + struct.pack("<I", 2**32 - 1) + b"WAVE" + form + struct.pack("<4sI", b"data", size)
+    )
+
+
 def npy(head: str, data: bytes = b"") -> bytes:
     """Return a .npy file with a head of one's own."""
     text = head.encode("latin-1") + b"\n"
@@ -246,12 +254,15 @@ def make_tables(folder: Path) -> None:
         npy("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000, 3), }")
     )
     (folder / "npy-nested.npy").write_bytes(npy("-" * 60_000 + "1"))
+    sparse(folder / "sparse.wav", wav(2**32 - 2))
+    (folder / "wav-lies.wav").write_bytes(wav(2**31))
     (folder / "one-line.csv").write_bytes(b"1," * (40 * 2**20))
     (folder / "open-quote.csv").write_bytes(b't,a,b\n0,1,"' + b"x\n" * 2**20)
     (folder / "nan.csv").write_bytes(b"t,a,b\n0,1,2\nnan,1,2\n")
-    for file in sorted(folder.glob("*.csv*")) + sorted(folder.glob("*.npy")):
+    for file in sorted(path for kind in ("*.csv*", "*.npy", "*.wav") for path in folder.glob(kind)):
         npy_names = file.suffix == ".npy" or file.name in ("one-line.csv",)
         columns, time = ("2[V] 3[V]", "1[s]") if npy_names else ("a[V] b[V]", "t[s]")
+        columns, time = ("*[FS]", "") if file.suffix == ".wav" else (columns, time)
         (folder / f"{file.name}.table").write_text(
             f"file,label:x,channels,time\n{file.name},y,{columns},{time}\n"
         )

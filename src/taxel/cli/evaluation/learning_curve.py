@@ -27,8 +27,9 @@ class LearningCurve:
     split: str | None = None
     """Which windows are tested: group:KEY (whole groups held out, such as group:session) or
     order:KEY:LAST[:END] (train up to LAST, test above it, up to END) or order:KEY:70% (train on the
-    first 70 %, test the later ones). Unless given: the recipe's, if it names one; else sessions are
-    held out, else objects, persons or days, else files."""
+    first 70 %, test the later ones; :by-class behind it: of each class). Unless given: the
+    recipe's, if it names one; else sessions are held out, else objects, persons or days, else
+    files."""
     fold_count: int = 5
     """Folds of the cross-validation, 2 or more."""
     model: str | None = None

@@ -30,8 +30,8 @@ class TrialOptions:
     """The label to predict; needed only where the data have more than one."""
     split: str | None = None
     """Which trials are tested: group:KEY (held out in turn), order:KEY:LAST, order:KEY:70% (those
-    after the first 70 %), random, or split for the column of that name, which is the default where
-    it names test trials."""
+    after the first 70 %; with :by-class behind it of each class), random, or split for the column
+    of that name, which is the default where it names test trials."""
     fold_count: int = 5
     """How many folds, where groups are held out in turn."""
     folds: Path | None = None

@@ -32,9 +32,9 @@ class Audit:
     target: str | None = None
     """The label to predict; the first with two classes unless given."""
     split: str | None = None
-    """One of taxel's own splits: random, group:KEY, order:KEY:LAST[:END] or order:KEY:70%; or split
-    for the column of that name of a table of camera trials, which is the default where it names
-    tests."""
+    """One of taxel's own splits: random, group:KEY, order:KEY:LAST[:END] or
+    order:KEY:70%[:by-class]; or split for the column of that name of a table of camera trials,
+    which is the default where it names tests."""
     folds: Path | None = None
     """A split as a table (CSV): recording (or group:KEY), fold or side (train, validation, test),
     and optionally start_s, end_s and label_s (seconds on the recording's clock) and view (one

@@ -40,25 +40,25 @@ LEROBOT = "lerobot"
 class Import:
     """Turn data files or videos into recordings, one for each trial, as a table describes them.
 
-    For arrays, the import table is a CSV with one row for each file: a text (.csv, .tsv, .txt
-    or .dat, gzip-packed or not) or .npy. Its columns: file (relative to the table); label:NAME and
-    group:NAME, as many as you like; channels, each with its name or number from 1 and its unit, as
-    in Data0[count] Data1[count] 7[deg], or *[N] for all; time, as in Timestamp[ms] (s, ms, us, ns;
-    iso for time stamps), or rate:100Hz; and optionally sensor (its name), full_scale (where it
-    saturates) and layout (csv, icub, or module.py:function). If file names contain labels, one row
-    may name all files that match a pattern: {group:session}/{label:object}_trial*.csv; * and ?
-    match the rest, {digits} a whole number.
+    For arrays, the import table is a CSV with one row for each file: a text (.csv, .tsv, .txt or
+    .dat, gzip-packed or not), .npy or .wav. Its columns: file (relative to the table); label:NAME
+    and group:NAME, as many as you like; channels, each with its name or number from 1 and its unit,
+    as in Data0[count] Data1[count] 7[deg], or *[N] for all; time, as in Timestamp[ms] (s, ms, us,
+    ns; iso for time stamps), or rate:100Hz; and optionally sensor (its name), full_scale (where it
+    saturates) and layout (csv, icub, or module.py:function). A .wav needs neither channels nor
+    time. If file names contain labels, one row may name all files that match a pattern:
+    {group:session}/{label:object}_trial*.csv; * and ? match the rest, {digits} a whole number.
 
-    One row may also name a file of many trials: a stacked .npy, or a .npz, MATLAB (.mat) or
-    HDF5 (.h5, .hdf5) file. Then trials names the array that holds them (X, or trials/*/force
-    for one array per trial), and axes names its axes (trials rows channels, or trials rows
-    height width for a grid; in a text, trials channels makes a trial of each line, trials
-    rows:4 channels says that each line holds four rows). label:NAME, group:NAME and length
-    (rows of each trial) take each trial's own value from an array: from:y, or
+    One row may also name a file of many trials: a stacked .npy, or a .npz, MATLAB (.mat) or HDF5
+    (.h5, .hdf5) file. Then trials names the array that holds them (X, or trials/*/force for one
+    array per trial), and axes names its axes (trials rows channels, or trials rows height width for
+    a grid; in a text, trials channels makes a trial of each line, trials rows:4 channels says that
+    each line holds four rows, channels rows that each line is a channel of one trial). label:NAME,
+    group:NAME and length (rows of each trial) take each trial's own value from an array: from:y, or
     from:labels.csv:object for another file; from:objects[y] where y numbers the classes that
-    objects names; or from its name: star:1 is the text that the first * in trials matches. Time
-    may be from:t[ms]. In a text with many trials, trials names the column that numbers them, or
-    is restarts where the times begin anew in each trial.
+    objects names; or from its name: star:1 is the text that the first * in trials matches. Time may
+    be from:t[ms]. In a text with many trials, trials names the column that numbers them, or is
+    restarts where the times begin anew in each trial.
 
     For tactile cameras, the table's columns are left and right, or camera:NAME for each camera
     (videos, or folders of images, relative to the table); label:NAME; group:NAME; and

@@ -39,10 +39,11 @@ class Split:
     """The label to predict; needed only where the data have more than one."""
     split: str | None = None
     """group:KEY holds out whole groups in turn, such as group:session. order:KEY:LAST[:END] or
-    order:KEY:70% tests the later ones. random splits single windows of an array, or single camera
-    trials. split is the column of that name of camera trials. Unless given: the recipe's, if it
-    names one; else sessions are held out, else objects, persons or days, else files (camera trials:
-    the column split where it names tests, else objects, else sessions or another group)."""
+    order:KEY:70% tests the later ones, with :by-class behind it those of each class. random splits
+    single windows of an array, or single camera trials. split is the column of that name of camera
+    trials. Unless given: the recipe's, if it names one; else sessions are held out, else objects,
+    persons or days, else files (camera trials: the column split where it names tests, else objects,
+    else sessions or another group)."""
     folds: Path | None = None
     """A split as a table (CSV) instead: recording or group:KEY, and fold or side."""
     test: Path | None = None

@@ -37,11 +37,11 @@ class Train:
     split: str | None = None
     """How accuracy is measured. group:KEY holds out whole groups, such as group:session.
     order:KEY:LAST[:END] trains up to LAST and tests above it, up to END; order:KEY:70% trains on
-    the first 70 % and tests the later ones (of each class, where classes follow one another, or
-    the first would lack one). KEY is a group, or time: when a trial begins in its recording. random
-    splits single windows, which leaks, and trains the recipe, without a search. Unless given: the
-    recipe's, if it names one; else sessions are held out, else objects, persons or days, else
-    files."""
+    the first 70 % and tests the later ones (of each class, where classes follow one another, or the
+    first would lack one; always with :by-class behind it). KEY is a group, or time: when a trial
+    begins in its recording. random splits single windows, which leaks, and trains the recipe,
+    without a search. Unless given: the recipe's, if it names one; else sessions are held out, else
+    objects, persons or days, else files."""
     folds: Path | None = None
     """Measure on a published split instead: a table (CSV) with the columns recording (or
     group:KEY), side (train, validation, test) or fold, and optionally start_s, seconds."""

@@ -48,9 +48,9 @@ class Tune:
     """Names of the networks to choose among; the recipe's own unless given."""
     split: str | None = None
     """How accuracy is measured: group:KEY (whole groups held out), order:KEY:LAST[:END] (train up
-    to LAST, test above it, up to END) or order:KEY:70% (train on the first 70 %). Unless given: the
-    recipe's, if it names one; else sessions are held out, else objects, persons or days, else
-    files."""
+    to LAST, test above it, up to END) or order:KEY:70% (train on the first 70 %; :by-class behind
+    it: of each class). Unless given: the recipe's, if it names one; else sessions are held out,
+    else objects, persons or days, else files."""
     fold_count: int = 5
     """Outer folds, 2 or more."""
     check: bool = True

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.evaluation.first_share import first_share, group_numbers
+from taxel.evaluation.first_share import by_class_too, first_share, group_numbers, names_share
 from taxel.evaluation.fold_summary import SplitSummary, summary_of_trials
 from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_table, refuse_twice
 from taxel.evaluation.shared_values import on_both_sides
@@ -52,8 +52,8 @@ def split_trials(
     seed: int,
     classes: Sequence[str] = (),
 ) -> TrialSplit:
-    """Return the split that a text names: split, group:KEY, order:KEY:LAST, order:KEY:70% or
-    random.
+    """Return the split that a text names: split, group:KEY, order:KEY:LAST, random or
+    order:KEY:70%[:by-class].
 
     Without a text: the trials' own column `split` where it names test trials, else by object, by
     session, or by what else groups them.
@@ -77,8 +77,10 @@ def split_trials(
         return _one("test trials given", groups, (y, classes), tested)
     if words[0] == "group" and len(words) == 2:
         return _by_group(groups, y, words[1], (folds, seed), classes)
-    if words[0] == "order" and len(words) == 3 and words[2].endswith("%"):
-        first, name = first_share(words[1], values_of(groups, words[1]), y, words[2])
+    if names_share(words):
+        of_class = np.array(classes)[y] if len(classes) else y
+        first, name = first_share(words[1], values_of(groups, words[1]), of_class, words[2],
+                                  by_class=len(words) == 4)  # fmt: skip
         return _one(name, groups, (y, classes), ~first)
     if words[0] == "order" and len(words) == 3:
         return _by_order(groups, (y, classes), words[1], words[2])
@@ -87,8 +89,8 @@ def split_trials(
         parts = _folds(names, y, (folds, seed), classes)
         return TrialSplit("random trials", parts, interval_group(groups) or "trial")
     raise BadSplit(
-        "a split: group:KEY, order:KEY:LAST, order:KEY:70%, random, or split for the column of "
-        "that name", repr(text),
+        "a split: group:KEY, order:KEY:LAST, order:KEY:70%[:by-class], random, or split for the "
+        "column of that name", repr(text),
         f"say group:{text}" if text in _shared(groups)
         else f"groups are {', '.join(_shared(groups)) or 'none'}",
     )  # fmt: skip
@@ -355,7 +357,8 @@ def _by_order(
     except ValueError as error:
         raise BadSplit("a number behind the group, as in order:day:3", repr(last),
                        "correct it, or write a share such as 70%") from error  # fmt: skip
-    return _one(f"{key} up to {limit:g} → above", groups, labels, numbers > limit)
+    name = f"{key} up to {limit:g} → above"
+    return _one(name, groups, labels, numbers > limit, by_class_too(key))
 
 
 def _one(
@@ -363,6 +366,7 @@ def _one(
     groups: Groups,
     labels: tuple[NDArray[np.intp], Sequence[str]],
     held: NDArray[np.bool_],
+    also: str = "",
 ) -> TrialSplit:
     (y, classes), (train, test) = labels, (np.flatnonzero(~held), np.flatnonzero(held))
     if not len(train) or not len(test):
@@ -374,7 +378,7 @@ def _one(
         raise BadSplit(
             "every class in the training part",
             f"none of {_called(unknown[0], classes)} there, {int((y == unknown[0]).sum())} to test",
-            "train on some of them too, leave them out, or name another split",
+            f"train on some of them too, leave them out, or name another split{also}",
         )  # fmt: skip
     return TrialSplit(name, (TrialFold.of(name, train, test),), interval_group(groups) or "trial")
 

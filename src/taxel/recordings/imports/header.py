@@ -11,15 +11,18 @@ from pathlib import Path
 from taxel.errors import BadFile, BadTable, MissingExtra
 from taxel.foreign.array_files import ARRAY_ENDINGS, open_arrays
 from taxel.foreign.held_arrays import table_of
+from taxel.foreign.wav_file import WAV_ENDING
 from taxel.recordings.imports.own_groups import refuse_own_groups
 from taxel.recordings.imports.table_columns import read_cells
+from taxel.recordings.imports.wav_tables import wav_in_words
 
 PLAIN_COLUMNS = (
     "file", "trials", "axes", "length", "channels", "time", "layout", "sensor", "full_scale",
 )  # fmt: skip
 """Columns of an import table beside label:NAME and group:NAME."""
 PREFIXES = ("label:", "group:")
-_NO_TABLES = (".npy", ".npz", ".mat", ".mcap", ".xls", ".xlsx", ".parquet", ".h5", ".hdf5")
+_NO_TABLES = (".npy", ".npz", ".mat", ".mcap", ".xls", ".xlsx", ".parquet", ".h5", ".hdf5",
+              WAV_ENDING)  # fmt: skip
 """Endings of files that people pass in the table's place; none is text."""
 _A_TABLE = "an import table: a CSV with a column 'file' and a line for each file of data"
 _WRITE_ONE = "write a table with a line for it (taxel import --help says the columns)"
@@ -46,6 +49,8 @@ def table_cells(path: Path) -> list[list[str]]:
 
 def _holds(path: Path) -> str:
     """Return what is known of a file that is no table: of arrays, their names and shapes."""
+    if path.name.lower().endswith(WAV_ENDING):
+        return f"is {wav_in_words(path)}" if wav_in_words(path) else "is not one"
     if not path.name.lower().endswith(ARRAY_ENDINGS):
         return "is not one"
     try:

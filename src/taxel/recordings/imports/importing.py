@@ -42,6 +42,7 @@ from taxel.recordings.imports.row_labels import remarks_on_rows
 from taxel.recordings.imports.row_times import BadTimes, OnBadTime
 from taxel.recordings.imports.rows import ImportRow, read_rows
 from taxel.recordings.imports.spelling import composed
+from taxel.recordings.imports.table_form import TEXT_ENDINGS, is_whole
 from taxel.recordings.imports.tables import Missing, Table
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
@@ -320,9 +321,7 @@ def _import_file(job: _Job, content: Content, path: Path) -> FileFacts:
         remarks=tuple(source.remarks) if source else (),
         doubts=(*row.doubts, *(source.doubts if source else ()), *_doubtful(row, table)),
         coarse=coarse_of(table.values, table.names),
-        lying=lying_of(*table.values.shape)
-        if _by_star(row) and row.trial is None and row.file.name.lower().endswith(".npy")
-        else "",
+        lying=lying_of(*table.values.shape) if _by_star(row) and _may_lie(row, table) else "",
         padding=content.padding.cut,
         zeros=content.padding.zeros,
         number_header=table.number_header,
@@ -344,6 +343,13 @@ def _doubtful(row: ImportRow, table: Table) -> list[str]:
     """Return a line on names that speak against channels, where * took all columns."""
     called = visible(row.called or row.file.name)
     return doubtful_names(called, table.names) if _by_star(row) else []
+
+
+def _may_lie(row: ImportRow, table: Table) -> bool:
+    """Return whether nothing but its shape says what a file's lines are: no names, no axes."""
+    ending = row.file.name.lower()
+    bare = ending.endswith(TEXT_ENDINGS) and all(map(is_whole, table.names)) and not row.lying
+    return row.trial is None and (ending.endswith(".npy") or bare)
 
 
 def _by_star(row: ImportRow) -> bool:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.foreign.array_files import ARRAY_ENDINGS
+from taxel.foreign.wav_file import WAV_ENDING
 from taxel.plain_text import figures
 from taxel.recordings.imports.own_groups import refuse_own_groups
 from taxel.recordings.imports.spelling import column_name, composed, prefixed
@@ -27,7 +28,7 @@ from taxel.recordings.imports.table_form import TEXT_ENDINGS, is_number
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples
 
-SUFFIXES = (*TEXT_ENDINGS, *ARRAY_ENDINGS, ".mcap")
+SUFFIXES = (*TEXT_ENDINGS, *ARRAY_ENDINGS, WAV_ENDING, ".mcap")
 """Endings of a file's name that are no part of its recording's, in capitals or not."""
 COLUMNS = ("file", "start_s", "end_s", "duration_s")
 """Columns beside label:NAME and group:NAME."""

@@ -14,8 +14,10 @@ from pathlib import Path
 
 from taxel.errors import BadTable
 from taxel.foreign.array_files import ARRAY_ENDINGS, NAMED_ENDINGS
+from taxel.foreign.wav_file import WAV_ENDING
 from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.class_names import named_classes, remark_on
+from taxel.recordings.imports.lying_texts import lies
 from taxel.recordings.imports.row_labels import columns_by_row
 from taxel.recordings.imports.stacks.members import STAR
 from taxel.recordings.imports.stacks.trials import ArrayTrials, StackWords
@@ -83,6 +85,8 @@ def holds_many(file: Path, named: Mapping[str, str]) -> bool:
     if named.get("layout", "") not in ("", "csv"):
         return False
     ending = file.name.lower()
+    if ending.endswith(WAV_ENDING) or lies(file, named.get("axes", "")):
+        return False
     if ending.endswith(NAMED_ENDINGS) or named.get("trials") or named.get("axes"):
         return True
     if not ending.endswith(".npy") or not file.is_file():

@@ -14,16 +14,20 @@ from pathlib import Path
 import numpy as np
 
 from taxel.errors import BadTable
+from taxel.foreign.wav_file import WAV_ENDING
 from taxel.plain_text import number_of
 from taxel.recordings.imports import tables
 from taxel.recordings.imports.layouts import LayoutReader, find_layout
+from taxel.recordings.imports.lying_texts import HINT, may_lie, read_lying
 from taxel.recordings.imports.row_labels import marks_by_row
 from taxel.recordings.imports.row_times import BadTimes, check_time
 from taxel.recordings.imports.rows import ImportRow
 from taxel.recordings.imports.table_columns import text_cells
-from taxel.recordings.imports.tables import Column, Missing, Table
+from taxel.recordings.imports.table_form import TEXT_ENDINGS
+from taxel.recordings.imports.tables import Column, Missing, Table, TimeColumn
 from taxel.recordings.imports.trial_runs import TextTrials
 from taxel.recordings.imports.trial_sets import Padding
+from taxel.recordings.imports.wav_tables import wav_reader
 from taxel.signals import Mark, Samples
 
 
@@ -77,11 +81,32 @@ def _table_reader(
         reader = find_layout(row.layout, code_dir, allow_code)
         chosen = tables.parse_columns(row.channels, where) if row.channels else ()
         return lambda: (_by_layout(row, reader, chosen, missing, bad_times), Padding())
+    if row.file.name.lower().endswith(WAV_ENDING):
+        read_wav = wav_reader(row.file, row.channels, row.time, where)
+        return lambda: (read_wav(missing), Padding())
     columns, time = tables.parse_columns(row.channels, where), tables.parse_time(row.time, where)
+    if row.lying:
+        return lambda: (read_lying(row.file, columns, time, missing, bad_times), Padding())
+    return lambda: (_text_or_array(row, columns, time, missing, bad_times), Padding())
+
+
+def _text_or_array(
+    row: ImportRow,
+    columns: Sequence[Column],
+    time: TimeColumn,
+    missing: Missing,
+    bad_times: BadTimes,
+) -> Table:
+    """Return the table of a text or a .npy file; of a text that may lie on its side the refusal
+    says how to say so.
+    """
     but = row.by_row.values()
-    return lambda: (
-        tables.read_table(row.file, columns, time, missing, bad_times=bad_times, but=but), Padding()
-    )  # fmt: skip
+    try:
+        return tables.read_table(row.file, columns, time, missing, bad_times=bad_times, but=but)
+    except BadTable as error:
+        if not (row.file.name.lower().endswith(TEXT_ENDINGS) and may_lie(row.file)):
+            raise
+        raise BadTable(error.needed, error.got, f"{error.mend}; {HINT}") from error
 
 
 def _marks(row: ImportRow, samples: Samples, left_out: list[int]) -> list[Mark]:

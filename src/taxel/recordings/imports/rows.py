@@ -17,6 +17,7 @@ from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.header import PLAIN_COLUMNS, PREFIXES, check_header, table_cells
 from taxel.recordings.imports.intervals import stem_of
 from taxel.recordings.imports.left_out import naming_option
+from taxel.recordings.imports.lying_texts import lies
 from taxel.recordings.imports.many_trials import holds_many, refuse_words_of_many, trials_of
 from taxel.recordings.imports.matched_files import TableLine, one_line_a_file
 from taxel.recordings.imports.row_labels import ROWS, columns_by_row
@@ -48,6 +49,8 @@ class ImportRow:
     """Value from which a channel counts as saturated, in the channels' unit."""
     details: Mapping[str, str] = field(default_factory=dict)
     """Kept with the sensor in the manifest."""
+    lying: bool = False
+    """Whether each line of the text is a channel (lying_texts.py)."""
     trial: Trial | None = None
     """Which of the file's trials it is; None where the file is one."""
     called: str = ""
@@ -184,7 +187,8 @@ def _rows(line: TableLine, data_dir: Path, outside: bool, *, alone: bool) -> lis
     except BadTable as error:
         return [ImportRow(file=file, called=named["file"], fault=error)]
     if many is None:
-        refuse_words_of_many(named, where)
+        lying = lies(file, named.get("axes", ""))
+        refuse_words_of_many({**named, "axes": ""} if lying else named, where)
         return [_row(file, named, where)]
     source, trials = many
     array = re.sub(r"[^A-Za-z0-9_]+", "-", source.what.replace("*", "")).strip("-")
@@ -223,8 +227,9 @@ def _with_name(row: ImportRow, line: TableLine) -> ImportRow:
 def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
     by_row = columns_by_row(named, where)
     layout = named.get("layout", "") or "csv"
-    if by_row and (layout != "csv" or not file.name.lower().endswith(TEXT_ENDINGS)):
-        raise BadTable(f"a text for {ROWS}COLUMN", f"{file.name} in {where}",
+    lying = lies(file, named.get("axes", ""))
+    if by_row and (layout != "csv" or lying or not file.name.lower().endswith(TEXT_ENDINGS)):
+        raise BadTable(f"a text for {ROWS}COLUMN, a scan in each line", f"{file.name} in {where}",
                        "write a table of intervals, and import with --intervals")  # fmt: skip
     labels = {n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")}
     return ImportRow(
@@ -236,6 +241,7 @@ def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
         channels=named.get("channels", ""),
         time=named.get("time", ""),
         layout=layout,
+        lying=lying,
         sensor=named.get("sensor", "") or "array",
         full_scale=_full_scale(named.get("full_scale", ""), where),
     )

@@ -84,7 +84,7 @@ def text_columns(
     Raises:
         BadTable: Anything in the file is not as it should be; says where.
     """
-    form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted, beside)
+    form, below = find_form(path, table_lines(path, LARGEST_TABLE), wanted, beside)
     names = form.names
     what = (
         f"a header with {_some(names)}"
@@ -115,7 +115,7 @@ def text_names(
     Raises:
         BadTable: As `text_columns`.
     """
-    return find_form(path, _lines(path, LARGEST_TABLE), wanted, beside)[0].names
+    return find_form(path, table_lines(path, LARGEST_TABLE), wanted, beside)[0].names
 
 
 def text_cells(
@@ -126,7 +126,7 @@ def text_cells(
     Raises:
         BadTable: As `text_columns`, some of it only when the rows are taken.
     """
-    form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted, beside)
+    form, below = find_form(path, table_lines(path, LARGEST_TABLE), wanted, beside)
     what = (
         f"a header with {_some(form.names)}" if form.named else number_of(len(form.names), "column")
     )
@@ -295,7 +295,8 @@ def _raw_lines(path: Path, most: int) -> Iterator[str]:
         ) from error
 
 
-def _lines(path: Path, most: int) -> Iterator[str]:
+def table_lines(path: Path, most: int) -> Iterator[str]:
+    """Return a text's lines without their ends; a BadTable says what cannot be read."""
     return (line.rstrip("\r\n") for line in _raw_lines(path, most))
 
 
@@ -314,7 +315,7 @@ def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) 
         if name in twice:
             raise _several(path, name, names, what, counted=counted)
         if name not in found:
-            index = _as_number(name) if counted else 0
+            index = as_number(name) if counted else 0
             if not 1 <= index <= len(names):
                 raise _no_column(path, name, "no such column", what)
             found[name] = index - 1
@@ -322,7 +323,7 @@ def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) 
 
 
 def _number_of(path: Path, name: str, columns: int) -> int:
-    index = _as_number(name)
+    index = as_number(name)
     if not 1 <= index <= columns:
         raise BadTable(
             f"columns by their numbers, 1 to {columns}: no names are in {path}", repr(name[:80]),
@@ -331,7 +332,8 @@ def _number_of(path: Path, name: str, columns: int) -> int:
     return index - 1
 
 
-def _as_number(name: str) -> int:
+def as_number(name: str) -> int:
+    """Return the number, from 1, that a column is called by; 0 where its name is none."""
     return int(name) if is_whole(name) and len(name) < 10 else 0
 
 

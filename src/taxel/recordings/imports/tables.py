@@ -208,7 +208,8 @@ def read_table(
         text = text_columns(path, wanted, stamps, but)
     else:
         raise BadTable(
-            "a .csv, .tsv, .txt or .dat file, packed as .gz or not, .npy, .npz, .mat, .h5 or .hdf5",
+            "a .csv, .tsv, .txt or .dat file, packed as .gz or not, .wav, .npy, .npz, .mat, .h5 or "
+            ".hdf5",
             str(path),
             "save it as one of them, or name a function of yours that reads it, as "
             "module.py:function, in the column 'layout'",

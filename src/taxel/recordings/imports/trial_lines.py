@@ -63,7 +63,7 @@ def _axes_of(text: str, where: str) -> _Axes:
     raise BadTable(
         "axes of a text: 'trials channels' for one scan in a line; for four, 'trials rows:4 "
         "channels' where the channels of one scan stand side by side, 'trials channels rows:4' "
-        "where the scans of one channel do",
+        "where the scans of one channel do; 'channels rows' for one trial whose lines are channels",
         f"{text[:80]!r} in {where}",
         "correct it, or leave it empty for a text with a scan in each line",
     )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from taxel.evaluation.camera_trials.contenders import nothing_moves
+from taxel.evaluation.camera_trials.contenders import MAJORITY, nothing_moves
 from taxel.evaluation.camera_trials.crossval import TrialResult
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.plain_text import number_of
@@ -77,10 +77,14 @@ def control_warnings(results: Sequence[TrialResult]) -> list[str]:
     ours, found = results[0].whole, []
     best = max(controls, key=lambda control: control.whole.accuracy)
     if best.whole.accuracy >= ours.accuracy:
+        constant = [r for r in controls if r.name == MAJORITY.name]
+        nothing = bool(constant) and constant[0].whole.accuracy >= ours.accuracy
         found.append(
             f"{best.name} is as accurate ({100 * best.whole.accuracy:.1f} %, taxel "
             f"{100 * ours.accuracy:.1f} %): do not claim the recogniser's accuracy"
-        )
+            + ("; nothing was learned that holds on the tested trials, as always naming the "
+               "commonest class is no worse" if nothing else "")
+        )  # fmt: skip
     best = min(controls, key=lambda control: control.whole.loss)
     if best.whole.loss <= ours.loss:
         found.append(
