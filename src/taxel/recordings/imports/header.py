@@ -18,6 +18,7 @@ from taxel.recordings.imports.wav_tables import wav_in_words
 
 PLAIN_COLUMNS = (
     "file", "trials", "axes", "length", "channels", "time", "layout", "sensor", "full_scale",
+    "missing",
 )  # fmt: skip
 """Columns of an import table beside label:NAME and group:NAME."""
 PREFIXES = ("label:", "group:")
