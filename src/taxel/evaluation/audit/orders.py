@@ -23,7 +23,7 @@ from taxel.labels.trials import TIME, as_numbers
 NUMBERS = ("trial_number", "number", "index", "order", "attempt", "repetition", "rep", "repeat",
            "take")  # fmt: skip
 """Groups that count trials in the order in which they were recorded."""
-_OWN_NUMBER = "detail trial"
+_OF_ONE_FILE = ("detail imported_from", "detail trial")
 """What a recording keeps of the file of many trials that it was imported from."""
 _SHARE = "70%"
 
@@ -55,7 +55,7 @@ def order_of(touch: TouchSet) -> Order | None:
     if not all(numbers):
         return None
     places = np.array([float(own[-1][-15:]) for own in numbers])
-    if any(own.get(_OWN_NUMBER) for own in touch.files):
+    if any(all(own.get(key) for key in _OF_ONE_FILE) for own in touch.files):
         how = "their numbers in the file that they were imported from"
         return Order(places=places, how=how, is_time=False)
     return Order(places=places, how="the last number of each file's name")
