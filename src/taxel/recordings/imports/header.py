@@ -18,6 +18,7 @@ from taxel.recordings.imports.wav_tables import wav_in_words
 
 PLAIN_COLUMNS = (
     "file", "trials", "axes", "length", "channels", "time", "layout", "sensor", "full_scale",
+    "missing",
 )  # fmt: skip
 """Columns of an import table beside label:NAME and group:NAME."""
 PREFIXES = ("label:", "group:")
@@ -40,25 +41,36 @@ def table_cells(path: Path) -> list[list[str]]:
             "enough where their names are alike: {label:object}_*.csv",
         )  # fmt: skip
     if path.name.lower().endswith(_NO_TABLES) and path.is_file():
-        raise BadTable(_A_TABLE, f"{path}, which {_holds(path)}", _WRITE_ONE)
+        holds, mend = _holds(path)
+        raise BadTable(_A_TABLE, f"{path}, which {holds}", mend)
     lines = read_cells(path)
     if not any(cell.strip() for cells in lines for cell in cells):
         raise BadTable(_A_TABLE, f"the empty file {path}", "write its lines")
     return lines
 
 
-def _holds(path: Path) -> str:
-    """Return what is known of a file that is no table: of arrays, their names and shapes."""
+def _holds(path: Path) -> tuple[str, str]:
+    """Return what is known of a file that is no table, and what to do: of arrays, their names and
+    shapes, or why they cannot be read.
+    """
     if path.name.lower().endswith(WAV_ENDING):
-        return f"is {wav_in_words(path)}" if wav_in_words(path) else "is not one"
+        return (f"is {wav_in_words(path)}" if wav_in_words(path) else "is not one"), _WRITE_ONE
     if not path.name.lower().endswith(ARRAY_ENDINGS):
-        return "is not one"
+        return "is not one", _WRITE_ONE
     try:
         file = open_arrays(path)
-    except (BadFile, MissingExtra, OSError):
-        return "is not one"
+    except BadFile as error:
+        return f"is not one, and cannot be read either: needed {error.needed}; got {error.got}", (
+            f"{error.mend}; then {_WRITE_ONE}"
+        )
+    except MissingExtra as error:
+        return f"is not one, and needs the package {error.package} to be read", (
+            f"pip install 'taxel[{error.extra}]'; then {_WRITE_ONE}"
+        )
+    except OSError as error:
+        return f"is not one, and cannot be read either: {error.strerror}", _WRITE_ONE
     try:
-        return f"is a file of arrays: {table_of(file)}"
+        return f"is a file of arrays: {table_of(file)}", _WRITE_ONE
     finally:
         file.close()
 
