@@ -57,3 +57,22 @@ def test_a_plan_of_before_it_was_said_may_be_padded():
     assert not read_plan(plan).padded
 
     assert read_plan(plan.replace(b', "padded": false', b"")).padded
+
+
+def test_weights_of_before_large_windows_were_thinned_see_every_row():
+    plan = Plan(1000, (0,) * 100, 2, (Part("linear", ("mean",)),), padded=False)
+    head = LinearHead(
+        offset=torch.zeros(100), factor=torch.ones(100), weight=torch.ones(100, 2),
+        bias=torch.zeros(2),
+    )  # fmt: skip
+    now = Blend(plan, (head,), (1.0,), (1.0,))
+    values = torch.from_numpy(RNG.normal(size=(2, 1000, 100)).astype(np.float32))
+    older = now.state_dict()
+    text = bytes(older["plan"].tolist()).replace(b', "every_row": false', b"")
+    older["plan"] = torch.tensor(list(text), dtype=torch.uint8)
+    before = Blend()
+    before.load_state_dict(older)
+
+    (thin,), (whole,) = (own.features for own in (now, before))
+    assert torch.allclose(whole(values, None), values.double().mean(dim=1))
+    assert torch.allclose(thin(values, None), values[:, ::3].double().mean(dim=1))

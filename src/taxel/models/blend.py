@@ -59,6 +59,9 @@ class Plan:
     padded: bool = True
     """Whether rows of a window may be padding; where none may, features are computed without the
     mask, with 40 % fewer operators."""
+    every_row: bool = False
+    """Whether features see every row of a large window, as they did in earlier checkouts; else
+    evenly spaced ones, see `taxel.models.touch_features.row_stride`."""
 
 
 class ScaledNetwork(nn.Module):
@@ -156,7 +159,7 @@ class Blend(nn.Module):
         self.features = nn.ModuleList(
             kernels or KernelFeatures()
             if blocks == (KERNELS,)
-            else TouchFeatures(blocks, plan.pads)
+            else TouchFeatures(blocks, plan.pads, every_row=plan.every_row)
             for blocks in sets
         )
         self._padded = plan.padded
@@ -221,8 +224,10 @@ def read_plan(text: bytes) -> Plan:
         parts = tuple(_part(Fields(raw, "a part"), steps) for raw in given.items("parts"))
         if not 0 < len(parts) <= _MOST_MEMBERS:
             raise ValueError(f"{len(parts)} members")
-        padded = given.flag("padded") if "padded" in given else True  # older bundles do not say
-        return Plan(steps, pads, classes, parts, padded)
+        # Older weights do not say.
+        padded = given.flag("padded") if "padded" in given else True
+        every_row = given.flag("every_row") if "every_row" in given else True
+        return Plan(steps, pads, classes, parts, padded, every_row)
     except ValueError as error:  # BadFile is one
         got = str(getattr(error, "got", error))
         raise BadInput("a blend's plan", got, "train it again with: taxel train") from error

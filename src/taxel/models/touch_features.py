@@ -232,11 +232,15 @@ class TouchFeatures(nn.Module):
     Args:
         blocks: Names in `BLOCKS`, some behind `UNIT`.
         pads: Each channel's pad, as numbers from 0; see `pads_of`.
+        every_row: Whether every row of a large window is seen; see `row_stride`.
     """
 
-    def __init__(self, blocks: tuple[str, ...], pads: tuple[int, ...]) -> None:
+    def __init__(
+        self, blocks: tuple[str, ...], pads: tuple[int, ...], *, every_row: bool = False
+    ) -> None:
         super().__init__()
         self.blocks = blocks
+        self._every_row = every_row
         _, pad = np.unique(np.array(pads, np.int64), return_inverse=True)
         self._pad = torch.from_numpy(pad)
         self._mean = torch.from_numpy(averaging(pad))
@@ -249,7 +253,7 @@ class TouchFeatures(nn.Module):
             mask: Shape (n, steps); None where no row is padding.
         """
         steps, channels = (int(size) for size in values.shape[1:])  # no graph of sizes
-        every = row_stride(steps, channels)
+        every = 1 if self._every_row else row_stride(steps, channels)
         if every > 1:
             values, mask = values[:, ::every], None if mask is None else mask[:, ::every]
         present = None if mask is None else mask.unsqueeze(2).double()
