@@ -53,6 +53,20 @@ def test_live_and_offline_count_the_same_places(steps: int, channels: int, padde
     assert offline.max() <= 1.0
 
 
+@pytest.mark.parametrize("padded", [False, True])
+def test_a_difference_of_channels_of_very_different_size_is_exact_too(padded: bool):
+    """In double precision sums of pascals less volts were not: places were counted otherwise."""
+    values, mask = windows(60, 6, padded=padded)
+    values *= np.array([1e6, 1e-4] * 3, np.float32)
+    kernels = fit_kernels(values, mask, padded=padded)
+    offline = compute_kernels(kernels, values, mask, padded=padded)
+    live = WindowModel(export_onnx(_Alone(kernels, padded=padded).eval(), 60, 6))
+
+    answered = np.concatenate([np.float32(live(values[i : i + 1], mask[i : i + 1])).reshape(1, -1)
+                               for i in range(len(values))])  # fmt: skip
+    np.testing.assert_array_equal(answered, offline)
+
+
 def test_kernels_are_minirockets_84_each_seen_once_at_each_dilation():
     for slots in (1, 12):
         for number in range(6):

@@ -3,19 +3,22 @@
 import numpy as np
 import pytest
 import torch
+from torch import Tensor, nn
 
 from taxel.bundles.engine import open_engine
 from taxel.bundles.model_check import check_model
 from taxel.bundles.writer import Classifier, export_onnx
 from taxel.errors import BadInput
 from taxel.models.blend import Blend, Part, Plan, read_plan
+from taxel.models.onnx_session import WindowModel
 from taxel.models.touch_features import (
     BLOCKS,
     UNIT,
+    TouchFeatures,
     compute_features,
     fitting_blocks,
     pads_of,
-    row_stride,
+    seen_rows,
 )
 from taxel.training.choose.candidates import Candidate, feature_sets
 from taxel.training.choose.fitting import FITS, fit_head, head_logits
@@ -91,21 +94,51 @@ def test_a_long_window_is_seen_by_averages_of_its_rows():
     assert (octaves[:, :2] > still[:, :2] + 0.5).all()
 
 
-@pytest.mark.parametrize("is_padded", [False, True])
-def test_a_large_window_of_many_channels_is_seen_by_evenly_spaced_rows(is_padded: bool):
-    """100 rows of 1,000 channels: every third row; without it they left time for means alone."""
-    values = RNG.normal(size=(2, 100, 1000)).astype(np.float32)
-    rows = np.array([100, 40]) if is_padded else np.array([100, 100])
-    mask = np.arange(100) < rows[:, None]
-    blocks = fitting_blocks(("level", "course", "octaves", f"{UNIT}level"), 100, 1000)
-    pads = (0,) * 600 + (1,) * 400
+BLOCKS_OF_MANY = ("level", "course", "shape", "octaves", f"{UNIT}level")
 
-    large = compute_features(blocks, pads, values * mask[:, :, None], mask)
-    thin = compute_features(blocks, pads, (values * mask[:, :, None])[:, ::3], mask[:, ::3])
+
+def test_a_large_window_of_many_channels_is_seen_by_evenly_spaced_rows():
+    """100 rows of 1,000 channels: 40 of them; without it they left time for means alone."""
+    values = RNG.normal(size=(2, 100, 1000)).astype(np.float32)
+    mask = np.ones((2, 100), bool)
+    pads = (0,) * 600 + (1,) * 400
+    spaced = ((np.arange(40) + 0.5) / 40 * 100).astype(int)
+
+    large = compute_features(BLOCKS_OF_MANY, pads, values, mask)
+    thin = compute_features(BLOCKS_OF_MANY, pads, values[:, spaced], mask[:, spaced])
 
     np.testing.assert_array_equal(large, thin)
-    assert fitting_blocks(("course",), 100, 10_000) == ()  # eight parts of four rows
-    assert row_stride(40_000, 20) == 1  # long, of few channels: rows are averaged, not left out
+    assert seen_rows(40_000, 20) == 40_000  # long, of few channels: rows are averaged
+    assert seen_rows(100, 16_384) == 8
+    assert fitting_blocks(BLOCKS_OF_MANY, 100, 16_384) == BLOCKS_OF_MANY
+
+
+def test_a_short_trial_of_many_channels_is_seen_by_as_many_rows_as_a_long_one_live_and_offline():
+    """Of every third row a trial of three rows would have one, which shows how short it is."""
+    values = RNG.normal(size=(4, 100, 1000)).astype(np.float32)
+    mask = np.arange(100) < np.array([100, 41, 3, 1])[:, None]
+    values *= mask[:, :, None]
+    pads = (0,) * 1000
+
+    class Alone(nn.Module):
+        def __init__(self) -> None:
+            super().__init__()
+            self.features = TouchFeatures(BLOCKS_OF_MANY, pads)
+
+        def forward(self, values: Tensor, mask: Tensor) -> Tensor:
+            found: Tensor = self.features(values, mask)
+            return found
+
+    live = WindowModel(export_onnx(Alone().eval(), 100, 1000))
+    offline = compute_features(BLOCKS_OF_MANY, pads, values, mask)
+    for number in range(4):
+        part = slice(number, number + 1)
+        answered = np.asarray(live(values[part], mask[part]))
+        np.testing.assert_allclose(answered.ravel(), offline[number], rtol=1e-4, atol=1e-4)
+
+    rows = ((np.arange(40) + 0.5) / 40 * 3).astype(int)
+    whole = compute_features(BLOCKS_OF_MANY, pads, values[2:3, rows], np.ones((1, 40), bool))
+    np.testing.assert_array_equal(offline[2:3], whole)
 
 
 def test_each_pad_is_standardised_by_itself_whatever_its_number():
@@ -199,6 +232,12 @@ def test_windows_with_padding_have_no_distributions_nor_rows():
         "all with distributions", "distributions without level", "both rows", "rows",
         "rows across the pad", "rows without level",
     }  # fmt: skip
+
+
+def test_one_row_of_many_channels_is_its_own_features():
+    """One scan of a mat a trial: no set of features was left above 1,500 channels."""
+    assert "rows" in feature_sets(1, 2048)
+    assert "rows" not in feature_sets(30, 2048)
 
 
 def test_one_row_has_the_blocks_of_one_row_only():

@@ -61,7 +61,7 @@ class Plan:
     mask, with 40 % fewer operators."""
     every_row: bool = False
     """Whether features see every row of a large window, as they did in earlier checkouts; else
-    evenly spaced ones, see `taxel.models.touch_features.row_stride`."""
+    evenly spaced ones, see `taxel.models.touch_features.seen_rows`."""
 
 
 class ScaledNetwork(nn.Module):

@@ -45,6 +45,8 @@ FEWEST_IN_PAD = 4
 MOST_VALUES = 40_000
 """Values of a window up to which every row is seen; where many channels make it larger, evenly
 spaced rows: a mat's 2,048 taxels left time for their means alone. Source: our choice, 0039."""
+FEWEST_SEEN = 8
+"""Rows of a window that are seen however many channels it has. Source: as above."""
 _BATCH_VALUES = 1_000_000
 
 
@@ -221,7 +223,7 @@ BLOCKS: dict[str, tuple[Callable[[Touch], Tensor], int]] = {
 
 
 FINE_BLOCKS = ("octaves",)
-"""Blocks that see every row of a long window: what changes from row to row."""
+"""Blocks that see a long window's rows as they are, not averaged: what changes from row to row."""
 UNIT = "unit/"
 """Before a block's name: the block of rows that are standardised across the channels of a pad."""
 
@@ -232,7 +234,7 @@ class TouchFeatures(nn.Module):
     Args:
         blocks: Names in `BLOCKS`, some behind `UNIT`.
         pads: Each channel's pad, as numbers from 0; see `pads_of`.
-        every_row: Whether every row of a large window is seen; see `row_stride`.
+        every_row: Whether every row of a large window is seen; see `seen_rows`.
     """
 
     def __init__(
@@ -253,9 +255,9 @@ class TouchFeatures(nn.Module):
             mask: Shape (n, steps); None where no row is padding.
         """
         steps, channels = (int(size) for size in values.shape[1:])  # no graph of sizes
-        every = 1 if self._every_row else row_stride(steps, channels)
-        if every > 1:
-            values, mask = values[:, ::every], None if mask is None else mask[:, ::every]
+        seen = steps if self._every_row else seen_rows(steps, channels)
+        if seen < steps:
+            values, mask = _spaced(values, mask, seen), None
         present = None if mask is None else mask.unsqueeze(2).double()
         fine = Touch(values.double() if present is None else values.double() * present, present)
         plain = coarse(fine)
@@ -296,18 +298,30 @@ def averaging(pad: NDArray[np.int64]) -> NDArray[np.float64]:
     return np.asarray(own / own.sum(axis=0))
 
 
-def row_stride(steps: int, channels: int) -> int:
-    """Return of how many rows of a window one is seen: of each, but in large windows of many
-    channels. Long windows of few channels are averaged (`coarse`).
+def seen_rows(steps: int, channels: int) -> int:
+    """Return how many rows of a window are seen: all, but in large windows of many channels, where
+    it is as many as `MOST_VALUES` has room for, but `FEWEST_SEEN` at least. Long windows of few
+    channels are averaged (`coarse`).
     """
     if channels * MOST_ROWS <= MOST_VALUES:
-        return 1
-    return max(1, -(-steps * channels // MOST_VALUES))
+        return steps
+    return min(steps, max(FEWEST_SEEN, MOST_VALUES // channels))
+
+
+def _spaced(values: Tensor, mask: Tensor | None, count: int) -> Tensor:
+    """Return as many evenly spaced rows of each window, none of which is padding: how long a trial
+    is must not be seen.
+    """
+    place = (torch.arange(count, dtype=torch.float64) + 0.5) / count
+    if mask is None:
+        return values.index_select(1, (place * int(values.shape[1])).long())
+    at = (place * mask.sum(dim=1, keepdim=True)).long()
+    return values.gather(1, at.unsqueeze(2).expand(-1, -1, int(values.shape[2])))
 
 
 def fitting_blocks(blocks: tuple[str, ...], steps: int, channels: int) -> tuple[str, ...]:
     """Return those blocks that windows of so many rows and channels have."""
-    steps = -(-steps // row_stride(steps, channels))
+    steps = seen_rows(steps, channels)
     few = channels <= MOST_CORRELATED
     return tuple(
         name for name in blocks

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from taxel.models.kernel_features import KERNELS, TAPS
-from taxel.models.touch_features import PARTS, UNIT, fitting_blocks
+from taxel.models.touch_features import PARTS, UNIT, fitting_blocks, seen_rows
 
 Sets = dict[str, tuple[str, ...]]
 """Feature sets and their blocks."""
@@ -46,8 +46,8 @@ LEVEL_FREE = (
 )  # fmt: skip
 """Sets that a drift of the channels' rest level, or of all of a pad's, leaves as they are."""
 MOST_ROW_VALUES = 1500
-"""Values of a window up to which its rows themselves are features. Source: our choice,
-docs/decisions/0039."""
+"""Values of a window up to which its rows themselves are features; a single row always is, for it
+has no other. Source: our choice, docs/decisions/0039."""
 ROW_BLOCKS = {"rows", "centred"}
 """Blocks of a window's rows as they are."""
 NETWORK_ROWS = (8, 800)
@@ -163,11 +163,11 @@ def feature_sets(steps: int, channels: int, padded: bool = False) -> dict[str, t
         channels: Of the array.
         padded: Whether some windows are padded.
     """
-    rows = not padded and steps * channels <= MOST_ROW_VALUES
+    rows = not padded and (steps == 1 or steps * channels <= MOST_ROW_VALUES)
     without = set() if rows else ROW_BLOCKS
     if padded:
         without = without | {"distribution"}
-    if steps <= PARTS and not padded:
+    if seen_rows(steps, channels) <= PARTS and not padded:
         without = without | {"parts"}
     found: dict[str, tuple[str, ...]] = {}
     for name, blocks in FEATURE_SETS.items():

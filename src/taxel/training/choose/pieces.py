@@ -178,7 +178,9 @@ class Pieces:
             blocks_kept = tuple(block for block in blocks if block in kept)
             if blocks_kept and blocks_kept not in quick.values():
                 quick[name] = blocks_kept
-        quick = quick or {PLAIN: sets[PLAIN]}
+        if not quick:
+            least = PLAIN if PLAIN in sets else next(iter(sets))  # one row has no means
+            quick = {least: sets[least]}
         if next(iter(quick)) == PLAIN:  # the broadest set comes first
             quick[PLAIN] = quick.pop(PLAIN)
         if KERNELS in quick:  # and kernels, which are no part of it, last
