@@ -17,7 +17,8 @@ from taxel.recordings.imports.table_columns import read_cells
 from taxel.recordings.imports.wav_tables import wav_in_words
 
 PLAIN_COLUMNS = (
-    "file", "trials", "axes", "length", "channels", "time", "layout", "sensor", "full_scale",
+    "file", "trials", "axes", "length", "pieces", "channels", "time", "layout", "sensor",
+    "full_scale",
 )  # fmt: skip
 """Columns of an import table beside label:NAME and group:NAME."""
 PREFIXES = ("label:", "group:")

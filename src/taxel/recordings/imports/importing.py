@@ -37,7 +37,7 @@ from taxel.recordings.imports.notes import (
     gaps_of,
     lying_of,
 )
-from taxel.recordings.imports.reading import Content, reader_of
+from taxel.recordings.imports.reading import Content, in_pieces, reader_of
 from taxel.recordings.imports.row_labels import remarks_on_rows
 from taxel.recordings.imports.row_times import BadTimes, OnBadTime
 from taxel.recordings.imports.rows import ImportRow, read_rows
@@ -138,7 +138,7 @@ def import_rows(
             if place in faults:
                 if not options.skip_unreadable:
                     raise naming_option(faults[place], lines, place, lambda other: isinstance(
-                        _content(parts[other][0].row, code_dir, options), Content))  # fmt: skip
+                        _content(parts[other][0], code_dir, options), Content))  # fmt: skip
                 facts = [_left_out(part[0].row, faults[place])]
                 progress(done, len(rows))
             for own in facts:
@@ -175,7 +175,7 @@ def _import_part(
     Where one of them cannot be read, the reason comes last, and none of them is there.
     """
     for number, job in enumerate(part):
-        content = _content(job.row, code_dir, options)
+        content = _content(job, code_dir, options)
         if isinstance(content, BadTable):
             for earlier in part[:number]:
                 (made / earlier.file).unlink()
@@ -186,18 +186,20 @@ def _import_part(
         trial.source.close()  # not all of 1,000 files are open at once
 
 
-def _content(row: ImportRow, code_dir: Path, options: ImportOptions) -> Content | BadTable:
-    """Return what a row's file or trial holds, or why it cannot be read.
+def _content(job: _Job, code_dir: Path, options: ImportOptions) -> Content | BadTable:
+    """Return what a row's file or trial holds, in pieces if so, or why it cannot be read.
 
     Raises:
         BadTable: The row itself is not as it should be.
     """
+    row = job.row
     if row.fault is not None:
         return row.fault
     bad_times = BadTimes(repeated=options.repeated_times, garbled=options.garbled_times)
     read = reader_of(row, options.missing, bad_times, code_dir, allow_code=options.allow_code)
     try:
-        return read()
+        content = read()
+        return content if job.intervals else in_pieces(row, content, content.marks)
     except BadTable as error:
         return error
 
@@ -304,11 +306,12 @@ def _import_file(job: _Job, content: Content, path: Path) -> FileFacts:
         full_scale=row.full_scale,
         details={"imported_from": row.file.name, "layout": row.layout} | dict(row.details),
     )
-    marks = content.marks or marks_of(job.intervals, samples.fitted_s, info.rate_hz)
+    if job.intervals:
+        content = in_pieces(row, content, marks_of(job.intervals, samples.fitted_s, info.rate_hz))
     labels, groups = _composed(row.labels), _composed(row.groups)
     recorder = Recorder(path, Manifest(sensor=info, labels=labels, groups=groups))
     try:
-        write_marked(recorder, samples, marks)
+        write_marked(recorder, samples, content.marks)
         recorder.close(IMPORTED)
     except BaseException:
         recorder.discard()
@@ -336,6 +339,8 @@ def _import_file(job: _Job, content: Content, path: Path) -> FileFacts:
         gaps=gaps,
         longest_gap_s=longest_gap_s,
         longest_from_s=longest_from_s,
+        pieces=len(content.marks) if row.pieces else 0,
+        in_no_piece=content.in_no_piece,
     )
 
 

@@ -19,6 +19,7 @@ from taxel.plain_text import number_of
 from taxel.recordings.imports import tables
 from taxel.recordings.imports.layouts import LayoutReader, find_layout
 from taxel.recordings.imports.lying_texts import HINT, may_lie, read_lying
+from taxel.recordings.imports.pieces import cut
 from taxel.recordings.imports.row_labels import marks_by_row
 from taxel.recordings.imports.row_times import BadTimes, check_time
 from taxel.recordings.imports.rows import ImportRow
@@ -39,8 +40,10 @@ class Content:
     samples: Samples
     """The table's values, as scans."""
     marks: tuple[Mark, ...]
-    """Of labels that stand in its rows."""
+    """Of labels that stand in its rows; or pieces."""
     padding: Padding
+    in_no_piece: int = 0
+    """Rows behind the last whole piece."""
 
 
 def reader_of(
@@ -69,6 +72,24 @@ def reader_of(
         return Content(table=table, samples=samples, marks=marks, padding=padding)
 
     return content
+
+
+def in_pieces(row: ImportRow, content: Content, wholes: Sequence[Mark]) -> Content:
+    """Return a row's content with its wholes as marks, cut into pieces where the row says so.
+
+    Args:
+        row: The row.
+        content: Of its file or trial.
+        wholes: Stretches of it; none where it is one whole.
+
+    Raises:
+        BadTable: No whole is long enough for a piece.
+    """
+    if row.pieces is None:
+        return replace(content, marks=tuple(wholes))
+    file = row.groups.get("file", row.file.name)
+    marks, left = cut(wholes, content.samples.fitted_s, row.pieces, file)
+    return replace(content, marks=marks, in_no_piece=left)
 
 
 def _table_reader(
