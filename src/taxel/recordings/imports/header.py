@@ -11,7 +11,9 @@ from pathlib import Path
 from taxel.errors import BadFile, BadTable, MissingExtra
 from taxel.foreign.array_files import ARRAY_ENDINGS, open_arrays
 from taxel.foreign.held_arrays import table_of
+from taxel.foreign.sheets import is_sheet, sheet_names
 from taxel.foreign.wav_file import WAV_ENDING
+from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.own_groups import refuse_own_groups
 from taxel.recordings.imports.table_columns import read_cells
 from taxel.recordings.imports.wav_tables import wav_in_words
@@ -52,6 +54,8 @@ def _holds(path: Path) -> str:
     """Return what is known of a file that is no table: of arrays, their names and shapes."""
     if path.name.lower().endswith(WAV_ENDING):
         return f"is {wav_in_words(path)}" if wav_in_words(path) else "is not one"
+    if is_sheet(path):
+        return _sheets_in(path)
     if not path.name.lower().endswith(ARRAY_ENDINGS):
         return "is not one"
     try:
@@ -62,6 +66,18 @@ def _holds(path: Path) -> str:
         return f"is a file of arrays: {table_of(file)}"
     finally:
         file.close()
+
+
+def _sheets_in(path: Path) -> str:
+    """Return what is known of a workbook: its sheets, or what is needed to read it."""
+    try:
+        names = sheet_names(path)
+    except MissingExtra as error:
+        return f"is a workbook ({str(error).removesuffix('.')})"
+    except (BadFile, OSError):
+        return "is not one"
+    some = ", ".join(visible(name) for name in names[:6]) + (" …" if names[6:] else "")
+    return f"is a workbook with {number_of(len(names), 'sheet')}: {some}"
 
 
 def check_header(path: Path, header: Sequence[str]) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 
 from taxel.errors import BadTable
 from taxel.foreign.hdf5_trial import many_hdf5
+from taxel.foreign.sheets import chosen_of, is_sheet
 from taxel.plain_text import visible
 from taxel.recordings.imports import tables
 from taxel.recordings.imports.earlier import IMPORTED, import_folder
@@ -42,7 +43,7 @@ from taxel.recordings.imports.row_labels import remarks_on_rows
 from taxel.recordings.imports.row_times import BadTimes, OnBadTime
 from taxel.recordings.imports.rows import ImportRow, read_rows
 from taxel.recordings.imports.spelling import composed
-from taxel.recordings.imports.table_form import TEXT_ENDINGS, is_whole
+from taxel.recordings.imports.table_form import is_text, is_whole
 from taxel.recordings.imports.tables import Missing, Table
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
@@ -345,16 +346,22 @@ def _import_file(job: _Job, content: Content, path: Path) -> FileFacts:
 
 
 def _doubtful(row: ImportRow, table: Table) -> list[str]:
-    """Return a line on names that speak against channels, where * took all columns."""
+    """Return a line on names that speak against channels, where * took all columns, and one on
+    which sheet was read where none is named.
+    """
     called = visible(row.called or row.file.name)
-    return doubtful_names(called, table.names) if _by_star(row) else []
+    doubts = doubtful_names(called, table.names) if _by_star(row) else []
+    if row.layout == "csv" and is_sheet(row.file) and (chosen := chosen_of(row.file)):
+        doubts.append(f"{called}: the sheet {visible(chosen)} was read; to read another one, write "
+                      f"{called}[SHEET]")  # fmt: skip
+    return doubts
 
 
 def _may_lie(row: ImportRow, table: Table) -> bool:
     """Return whether nothing but its shape says what a file's lines are: no names, no axes."""
-    ending = row.file.name.lower()
-    bare = ending.endswith(TEXT_ENDINGS) and all(map(is_whole, table.names)) and not row.lying
-    return row.trial is None and (ending.endswith(".npy") or bare)
+    name = row.file.name
+    bare = is_text(name) and all(map(is_whole, table.names)) and not row.lying
+    return row.trial is None and (name.lower().endswith(".npy") or bare)
 
 
 def _by_star(row: ImportRow) -> bool:

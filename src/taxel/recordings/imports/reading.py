@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from taxel.errors import BadTable
+from taxel.foreign.sheets import file_behind
 from taxel.foreign.wav_file import WAV_ENDING
 from taxel.plain_text import number_of
 from taxel.recordings.imports import tables
@@ -24,7 +25,7 @@ from taxel.recordings.imports.row_labels import marks_by_row
 from taxel.recordings.imports.row_times import BadTimes, check_time
 from taxel.recordings.imports.rows import ImportRow
 from taxel.recordings.imports.table_columns import text_cells
-from taxel.recordings.imports.table_form import TEXT_ENDINGS
+from taxel.recordings.imports.table_form import is_text
 from taxel.recordings.imports.tables import Column, Missing, Table, TimeColumn
 from taxel.recordings.imports.trial_runs import TextTrials
 from taxel.recordings.imports.trial_sets import Padding
@@ -64,7 +65,7 @@ def reader_of(
     read = _table_reader(row, missing, bad_times, code_dir, allow_code=allow_code)
 
     def content() -> Content:
-        if not row.file.is_file():
+        if not file_behind(row.file).is_file():
             raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
         table, padding = read()
         samples = Samples.from_values(table.values, table.time_s, row.full_scale)
@@ -125,7 +126,7 @@ def _text_or_array(
     try:
         return tables.read_table(row.file, columns, time, missing, bad_times=bad_times, but=but)
     except BadTable as error:
-        if not (row.file.name.lower().endswith(TEXT_ENDINGS) and may_lie(row.file)):
+        if not (is_text(row.file.name) and may_lie(row.file)):
             raise
         raise BadTable(error.needed, error.got, f"{error.mend}; {HINT}") from error
 

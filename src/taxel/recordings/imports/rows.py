@@ -25,7 +25,7 @@ from taxel.recordings.imports.row_labels import ROWS, columns_by_row
 from taxel.recordings.imports.spelling import column_name
 from taxel.recordings.imports.table_columns import by_column
 from taxel.recordings.imports.table_files import file_of
-from taxel.recordings.imports.table_form import TEXT_ENDINGS, is_number
+from taxel.recordings.imports.table_form import is_number, is_text
 from taxel.recordings.imports.tables import LARGEST_VALUE
 from taxel.recordings.imports.trial_sets import Trial
 
@@ -231,7 +231,7 @@ def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
     by_row = columns_by_row(named, where)
     layout = named.get("layout", "") or "csv"
     lying = lies(file, named.get("axes", ""))
-    if by_row and (layout != "csv" or lying or not file.name.lower().endswith(TEXT_ENDINGS)):
+    if by_row and (layout != "csv" or lying or not is_text(file.name)):
         raise BadTable(f"a text for {ROWS}COLUMN, a scan in each line", f"{file.name} in {where}",
                        "write a table of intervals, and import with --intervals")  # fmt: skip
     labels = {n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")}
