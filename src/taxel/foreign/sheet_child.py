@@ -16,7 +16,7 @@ import sys
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from datetime import date, time, timedelta
+from datetime import date, datetime, time, timedelta
 from typing import Any, BinaryIO
 
 if __name__ == "__main__":
@@ -133,9 +133,10 @@ def text_of(value: Any) -> str:
         hours, rest = divmod(value, timedelta(hours=1))
         minutes, rest = divmod(rest, timedelta(minutes=1))
         return time(hours, minutes, rest.seconds, rest.microseconds).isoformat()
-    text = value.isoformat(" ") if isinstance(value, date) and hasattr(value, "hour") else (
-        value.isoformat() if isinstance(value, date | time) else str(value)
-    )  # fmt: skip
+    if isinstance(value, datetime):
+        text = value.isoformat(" ")
+    else:
+        text = value.isoformat() if isinstance(value, date | time) else str(value)
     if len(text) > LONGEST_CELL:
         raise Refused(f"cells of at most {LONGEST_CELL:,} characters", f"one of {len(text):,}",
                       "save the sheet as CSV")  # fmt: skip
