@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from taxel.cli.main import main
+from taxel.recordings.reader import read_recording
 
 RECIPE = ["--target", "level", "--model", "cnn1d", "--epochs", "3",
           "--window", "steps=20", "grid=own", "gate=none"]  # fmt: skip
@@ -106,6 +107,38 @@ def test_a_file_of_arrays_in_the_tables_place_is_named_with_what_it_holds(
     assert "a file of arrays: X (4 × 5 × 3 float32), y (4 int64); write a table" in line
 
 
+def test_a_file_of_matlab_4_is_listed_and_imported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused, capsys: Any
+) -> None:
+    """As PhysioNet has them: channels along the first axis, a trial each."""
+    from scipy.io import savemat
+
+    monkeypatch.chdir(tmp_path)
+    savemat("als1m.mat", {"val": np.arange(40, dtype="i2").reshape(2, 20)}, format="4")
+    line = "als1m.mat,channels rows,als,left[raw] right[raw],rate:300Hz\n"
+    Path("table.csv").write_text(f"file,axes,label:group,channels,time\n{line}")
+
+    listed = refused(["import", "als1m.mat", "--output", "out"])
+    made = printed(capsys, "import", "table.csv", "--output", "out")["recordings"]
+
+    assert "which is a file of arrays: val (2 × 20 int16); write a table" in listed
+    values = read_recording(Path(made[0])).samples.values
+    np.testing.assert_array_equal(values, np.arange(40).reshape(2, 20).T)
+
+
+def test_a_file_that_cannot_be_read_says_so_before_a_table_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
+) -> None:
+    """What was needed, and how to mend it."""
+    monkeypatch.chdir(tmp_path)
+    Path("a.mat").write_bytes(b"hello " * 50)
+
+    line = refused(["import", "a.mat", "--output", "out"])
+
+    assert "got a.mat, which is not one, and cannot be read either: needed a .mat file of" in line
+    assert "got another kind of file; save it with save(…, '-v7'); then write a table" in line
+
+
 def test_without_h5py_the_extra_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
 ) -> None:
@@ -122,6 +155,8 @@ def test_without_h5py_the_extra_is_named(
     assert "needed the package h5py" in line
     assert "pip install 'taxel[hdf5]'" in line
     assert not Path("out").exists()
+    line = refused(["import", "a.h5", "--output", "out"])
+    assert "needs the package h5py to be read; pip install 'taxel[hdf5]'; then write" in line
 
 
 def test_names_of_a_hostile_file_are_shown_literally(

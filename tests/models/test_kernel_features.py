@@ -156,3 +156,30 @@ def test_features_that_are_timed_are_as_many_as_those_that_are_fitted():
 
     assert found.shape[1] == 5 + fit_kernels(values, mask, padded=False).bias.numel()
     assert found.shape[1] == 5 + drawn_kernels(60, 5).bias.numel()
+
+
+def test_half_of_the_slots_do_not_see_what_all_channels_have_in_common():
+    values, mask = windows(60, 12)
+    kernels = fit_kernels(values, mask, padded=False)
+    drift = np.random.default_rng(7).normal(0.0, 5.0, (len(values), 60, 1)).astype(np.float32)
+    shape = (len(values), *kernels.channel.shape, -1)
+    calm = compute_kernels(kernels, values, mask, padded=False).reshape(shape)
+    drifting = compute_kernels(kernels, values + drift, mask, padded=False).reshape(shape)
+    changed = np.abs(drifting - calm).mean(axis=(0, 3))
+    differences = (kernels.less >= 0).numpy()
+
+    assert 0.3 < differences.mean() < 0.7
+    assert changed[differences].max() < 0.01
+    assert changed[~differences].min() > 0.02
+
+
+def test_a_single_channel_has_no_differences_and_older_weights_have_none():
+    assert (drawn_kernels(60, 1).less < 0).all()
+
+    older = drawn_kernels(60, 3).state_dict()
+    del older["less"]
+    loaded = KernelFeatures()
+    loaded.load_state_dict(older)
+
+    assert loaded.less.shape == loaded.channel.shape
+    assert (loaded.less < 0).all()

@@ -15,6 +15,7 @@ from taxel.models.touch_features import (
     compute_features,
     fitting_blocks,
     pads_of,
+    row_stride,
 )
 from taxel.training.choose.candidates import Candidate, feature_sets
 from taxel.training.choose.fitting import FITS, fit_head, head_logits
@@ -88,6 +89,33 @@ def test_a_long_window_is_seen_by_averages_of_its_rows():
     )
     still = compute_features(("octaves",), (0, 0), slow.repeat(3, axis=1), mask)
     assert (octaves[:, :2] > still[:, :2] + 0.5).all()
+
+
+@pytest.mark.parametrize("is_padded", [False, True])
+def test_a_large_window_of_many_channels_is_seen_by_evenly_spaced_rows(is_padded: bool):
+    """100 rows of 1,000 channels: every third row; without it they left time for means alone."""
+    values = RNG.normal(size=(2, 100, 1000)).astype(np.float32)
+    rows = np.array([100, 40]) if is_padded else np.array([100, 100])
+    mask = np.arange(100) < rows[:, None]
+    blocks = fitting_blocks(("level", "course", "octaves", f"{UNIT}level"), 100, 1000)
+    pads = (0,) * 600 + (1,) * 400
+
+    large = compute_features(blocks, pads, values * mask[:, :, None], mask)
+    thin = compute_features(blocks, pads, (values * mask[:, :, None])[:, ::3], mask[:, ::3])
+
+    np.testing.assert_array_equal(large, thin)
+    assert fitting_blocks(("course",), 100, 10_000) == ()  # eight parts of four rows
+    assert row_stride(40_000, 20) == 1  # long, of few channels: rows are averaged, not left out
+
+
+def test_each_pad_is_standardised_by_itself_whatever_its_number():
+    values = RNG.normal(size=(2, 24, 10)).astype(np.float32)
+    values[:, :, 5:] = 7.0 * values[:, :, :5] + 2.0
+    mask = np.ones((2, 24), bool)
+
+    found = compute_features((f"{UNIT}mean",), (3,) * 5 + (9,) * 5, values, mask)
+
+    np.testing.assert_allclose(found[:, :5], found[:, 5:], rtol=1e-4)
 
 
 @pytest.mark.parametrize("steps", [24, 75, 1300])

@@ -58,12 +58,12 @@ def test_a_separator_at_the_end_of_each_row_is_said_once(tmp_path, capsys):
 
 
 def test_milliseconds_taken_for_seconds_are_said(tmp_path, capsys):
-    """2 s of touch would last 33 minutes; the slowest file is quoted."""
+    """2 s of touch would last 33 minutes; the first file is named, and the rates of all."""
     rows = "".join(f"{10 * i},{i}\n" for i in range(200))
     words = write(tmp_path, "x[N],t[s]", a="t,x\n0,1\n5,2\n10,3\n", b="t,x\n" + rows)
     assert notes(capsys, words) == [
-        "note: b.csv and 1 more: 0.1 scans a second by the time column t[s]; if that is too few, "
-        "its unit is wrong: s, ms, us or ns"
+        "note: a.csv and 1 more: 0.1 to 0.2 scans a second by the time column t[s]; if that is too "
+        "few, its unit is wrong: s, ms, us or ns"
     ]
 
 

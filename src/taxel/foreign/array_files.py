@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from taxel.errors import BadFile
 from taxel.foreign.files import open_file
 from taxel.foreign.hdf5_file import MATLAB_BLOCK, SIGN, Hdf5File
 from taxel.foreign.held_arrays import ArrayFile
+from taxel.foreign.mat4_file import Mat4File, is_version_4, not_matlab
 from taxel.foreign.mat_file import MatFile
 from taxel.foreign.npz_file import NpyFile, NpzFile
 
@@ -41,9 +41,8 @@ def open_arrays(path: Path) -> ArrayFile:
         head = file.read(MATLAB_BLOCK + len(SIGN))
     if head.endswith(SIGN):
         return Hdf5File(path)
+    if is_version_4(head):
+        return Mat4File(path)
     if head[126:128] in (b"IM", b"MI"):
         return MatFile(path)
-    raise BadFile(
-        "a .mat file of MATLAB's version 5 or 7.3", "another kind of file",
-        "save it with save(…, '-v7')",
-    )  # fmt: skip
+    raise not_matlab()

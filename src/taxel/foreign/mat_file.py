@@ -34,7 +34,7 @@ LARGEST_MAT = LARGEST_ARRAYS
 """Bytes of a file, and of what a variable unpacks to; the format itself ends at twice as much."""
 HEAD = 128
 """Bytes before the first variable."""
-_MOST_VARIABLES = 4096
+MOST_VARIABLES = 4096
 _DEEPEST = 16
 """Structures within structures that a name may lead through. Source: our choice."""
 _MATRIX, _PACKED = 14, 15
@@ -165,8 +165,8 @@ class MatFile:
 
     def _peek(self, variable: _Variable) -> tuple[_Matrix, list[str]]:
         """Return a variable's head, and the names of its fields if it is a structure."""
-        if len(self._variables) > _MOST_VARIABLES:
-            raise BadFile(f"at most {_MOST_VARIABLES:,} variables", "more", "split the file")
+        if len(self._variables) > MOST_VARIABLES:
+            raise BadFile(f"at most {MOST_VARIABLES:,} variables", "more", "split the file")
         self._file.seek(variable.place)
         if variable.packed:
             packed = self._file.read(min(variable.size, _HEAD_BYTES))

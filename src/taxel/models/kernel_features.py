@@ -1,16 +1,17 @@
 """How often a window's rows answer to small patterns: MiniRocket's features, as a module to export.
 
-Each of 84 kernels of nine taps, two of three weights −1 and the third 2, looks at one channel at a
-time, at several dilations; a feature is the share of places where its answer is above a bias. The
-biases are quantiles of answers in training windows (`taxel.training.choose.kernels`).
+Each of 84 kernels of nine taps, two of three weights −1 and the third 2, looks at one channel, or
+at one less another, at several dilations; a feature is the share of places where its answer is
+above a bias. The biases are quantiles of answers in training windows
+(`taxel.training.choose.kernels`).
 
 Windows of full length have zeros beyond their ends, so that kernels there see the level. Where
 windows are padded, each has as many places, in its own measured rows, and no kernel looks beyond:
 the length of a trial must not predict its class. Sums are exact in double precision, so that
 PyTorch offline and ONNX Runtime live count the same places. Knows nothing about models or files.
 
-Source: Dempster et al., "MiniRocket", KDD 2021; one channel a kernel, and fewer places in long
-windows, are our choice, docs/decisions/0039.
+Source: Dempster et al., "MiniRocket", KDD 2021; one channel a kernel or the difference of two, and
+fewer places in long windows, are our choice, docs/decisions/0039.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from torch import Tensor, nn
 
 KERNELS = "kernels"
 """What these features are called beside `taxel.models.touch_features.BLOCKS`."""
+DIFFERENCES = 0.5
+"""Share of the slots that see the difference of two channels. Source: our choice, 0039."""
 TAPS = 9
 """Rows that a kernel sees, and so the fewest of a window."""
 SLOTS = 12
@@ -33,7 +36,9 @@ channel by all. Source: our choice, 0039."""
 DILATIONS, BIASES, PLACES = 6, 18, 100
 """Dilations at most; biases of each kernel over all of them; rows of a window at most around which
 kernels look. Source: as above."""
-_TABLES = ("dilation", "channel", "place", "bias")
+ALONE = -1
+"""In the table `less`: no channel is subtracted."""
+_TABLES = ("dilation", "channel", "less", "place", "bias")
 
 
 class KernelFeatures(nn.Module):
@@ -43,6 +48,9 @@ class KernelFeatures(nn.Module):
     """Rows between taps, shape (dilations,)."""
     channel: Tensor
     """Which channel each slot sees, shape (dilations, slots)."""
+    less: Tensor
+    """Which channel is subtracted from it, or `ALONE`, likewise: what all taxels have in common, as
+    drift or the force of a whole grasp, goes."""
     place: Tensor
     """Around which rows kernels look, as shares of those there are, shape (places,)."""
     bias: Tensor
@@ -84,19 +92,30 @@ class KernelFeatures(nn.Module):
             inside = ((at >= 0) & (at <= last)).flatten().view(1, -1, 1)
             at = at.clamp(0, last).flatten()
             if last * slots < TAPS * places * int(values.shape[2]):  # the less work
-                taps = values.index_select(2, self.channel[number]).index_select(1, at) * inside
+                taps = self._seen(values, number).index_select(1, at) * inside
             else:
-                taps = values.index_select(1, at).index_select(2, self.channel[number]) * inside
+                taps = self._seen(values.index_select(1, at), number) * inside
         else:
             free = (rows - (TAPS - 1) * apart).clamp(min=1).view(-1, 1, 1)
             at = ((self.place * free).long() + tap).clamp(max=last).flatten(1)
-            own = values.index_select(2, self.channel[number])
+            own = self._seen(values, number)
             taps = own.gather(1, at.unsqueeze(2).expand(-1, -1, slots))
         kernels = torch.from_numpy(kernels_of(slots, number))
-        seen = taps.double().transpose(1, 2).reshape(-1, slots, TAPS, places)
-        return torch.matmul(kernels, seen)
+        return torch.matmul(kernels, taps.transpose(1, 2).reshape(-1, slots, TAPS, places))
+
+    def _seen(self, values: Tensor, number: int) -> Tensor:
+        """Return what each slot sees, shape (n, rows, slots) float64."""
+        own, less = self.channel[number], self.less[number]
+        seen = values.index_select(2, own).double()
+        if int(less.max()) == ALONE:
+            return seen
+        other = values.index_select(2, less.clamp(min=0)).double()
+        return seen - other * (less != ALONE).double()
 
     def _load_from_state_dict(self, state_dict: Any, prefix: str, *rest: Any) -> None:
+        if prefix + "less" not in state_dict and prefix + "channel" in state_dict:
+            # Weights of an earlier checkout.
+            state_dict[prefix + "less"] = torch.full_like(state_dict[prefix + "channel"], ALONE)
         for name in _TABLES:
             if prefix + name in state_dict:
                 setattr(self, name, torch.empty_like(state_dict[prefix + name]))
@@ -111,7 +130,7 @@ def drawn_kernels(
     Args:
         steps: Rows in a window, at least `TAPS`.
         channels: Of the array; their order is drawn where there are more than slots.
-        seed: Of that order.
+        seed: Of that order, and of which slots see the difference of two channels: half of them.
         shortest: Measured rows of the shortest window; None where no row is padding.
     """
     rows = steps if shortest is None else shortest
@@ -119,14 +138,19 @@ def drawn_kernels(
     most = max(1, (rows - 1) // (TAPS - 1) if shortest is None else rows // (2 * (TAPS - 1)))
     dilation = np.unique(np.round(np.geomspace(1, most, DILATIONS)).astype(np.int64))
     slots = SLOTS if channels > 1 else 1
-    order = np.arange(channels)
-    if channels > slots:
-        order = np.random.default_rng(seed).permutation(channels)
+    random = np.random.default_rng(seed)
+    order = random.permutation(channels) if channels > slots else np.arange(channels)
+    channel = np.resize(order, (len(dilation), slots)).astype(np.int64)
+    less = np.full(channel.shape, ALONE)
+    if channels > 1:
+        other = (channel + random.integers(1, channels, channel.shape)) % channels
+        less = np.where(random.random(channel.shape) < DIFFERENCES, other, ALONE)
     places = min(PLACES, rows if shortest is None else max(1, rows // 2))
     biases = round(BIASES / len(dilation))
     return KernelFeatures(
         dilation=torch.from_numpy(dilation),
-        channel=torch.from_numpy(np.resize(order, (len(dilation), slots)).astype(np.int64)),
+        channel=torch.from_numpy(channel),
+        less=torch.from_numpy(less),
         place=torch.from_numpy((np.arange(places) + 0.5) / places),
         bias=torch.zeros(len(dilation), slots, len(_KERNELS) // slots, biases).double(),
     )

@@ -18,7 +18,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from taxel.models.touch_window import FAR, TINY, Touch, coarse, rounded
+from taxel.models.touch_window import FAR, MOST_ROWS, TINY, Touch, coarse, rounded
 
 SEGMENTS, PARTS = 8, 16
 """Equal parts of a window whose means are taken, less the window's mean and as they are. Source:
@@ -42,6 +42,9 @@ MOST_CORRELATED = 24
 """Channels up to which all pairs are correlated. Source: our choice, 0039."""
 FEWEST_IN_PAD = 4
 """Channels that make a pad whose rows can be standardised. Source: our choice, 0039."""
+MOST_VALUES = 40_000
+"""Values of a window up to which every row is seen; where many channels make it larger, evenly
+spaced rows: a mat's 2,048 taxels left time for their means alone. Source: our choice, 0039."""
 _BATCH_VALUES = 1_000_000
 
 
@@ -234,7 +237,9 @@ class TouchFeatures(nn.Module):
     def __init__(self, blocks: tuple[str, ...], pads: tuple[int, ...]) -> None:
         super().__init__()
         self.blocks = blocks
-        self._mean = torch.from_numpy(averaging(pads))
+        _, pad = np.unique(np.array(pads, np.int64), return_inverse=True)
+        self._pad = torch.from_numpy(pad)
+        self._mean = torch.from_numpy(averaging(pad))
 
     def forward(self, values: Tensor, mask: Tensor | None) -> Tensor:
         """Return features, shape (n, features) float64.
@@ -243,6 +248,10 @@ class TouchFeatures(nn.Module):
             values: Shape (n, steps, channels), unscaled.
             mask: Shape (n, steps); None where no row is padding.
         """
+        steps, channels = (int(size) for size in values.shape[1:])  # no graph of sizes
+        every = row_stride(steps, channels)
+        if every > 1:
+            values, mask = values[:, ::every], None if mask is None else mask[:, ::every]
         present = None if mask is None else mask.unsqueeze(2).double()
         fine = Touch(values.double() if present is None else values.double() * present, present)
         plain = coarse(fine)
@@ -259,8 +268,9 @@ class TouchFeatures(nn.Module):
 
     def _standardised(self, values: Tensor) -> Tensor:
         """Return each row less its pad's mean, over its pad's deviation."""
-        apart = values - rounded(torch.matmul(values, self._mean))
-        return apart / (torch.matmul(apart.square(), self._mean).sqrt() + TINY)
+        apart = values - rounded(torch.matmul(values, self._mean)).index_select(2, self._pad)
+        power = torch.matmul(apart.square(), self._mean)
+        return apart / (power.sqrt() + TINY).index_select(2, self._pad)
 
 
 def pads_of(channels: tuple[str, ...]) -> tuple[int, ...]:
@@ -276,15 +286,24 @@ def pads_of(channels: tuple[str, ...]) -> tuple[int, ...]:
     return tuple(order[stem] for stem in stems)
 
 
-def averaging(pads: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return the matrix that puts the mean of its pad in each channel's place."""
-    own = np.array(pads)
-    same = (own[:, None] == own[None, :]).astype(np.float64)
-    return np.asarray(same / same.sum(axis=0))
+def averaging(pad: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return what takes each pad's mean, shape (channels, pads)."""
+    own = (pad[:, None] == np.arange(pad.max(initial=0) + 1)).astype(np.float64)
+    return np.asarray(own / own.sum(axis=0))
+
+
+def row_stride(steps: int, channels: int) -> int:
+    """Return of how many rows of a window one is seen: of each, but in large windows of many
+    channels. Long windows of few channels are averaged (`coarse`).
+    """
+    if channels * MOST_ROWS <= MOST_VALUES:
+        return 1
+    return max(1, -(-steps * channels // MOST_VALUES))
 
 
 def fitting_blocks(blocks: tuple[str, ...], steps: int, channels: int) -> tuple[str, ...]:
     """Return those blocks that windows of so many rows and channels have."""
+    steps = -(-steps // row_stride(steps, channels))
     few = channels <= MOST_CORRELATED
     return tuple(
         name for name in blocks

@@ -118,6 +118,87 @@ def test_order_that_nobody_knows_is_not_checked(make_set: Make) -> None:
     assert found.verdict == "not checked"
 
 
+def by_take(touch: TouchSet, sizes: tuple[int, ...] | None = None) -> TouchSet:
+    """Return trials of no session that are counted anew in each class, of so many each."""
+    places, kept = np.zeros(len(touch), int), []
+    for c in range(3):
+        own = np.flatnonzero(touch.y == c)
+        places[own] = np.arange(len(own))
+        kept.extend(own[: sizes[c]] if sizes else own)
+    trials = tuple(replace(t, groups={"recording": t.recording, "trial": t.groups["trial"],
+                                      "take": str(place)})
+                   for t, place in zip(touch.trials, places, strict=True))  # fmt: skip
+    return replace(touch, trials=trials).only(np.sort(kept))
+
+
+def test_the_split_in_use_is_not_advised(make_set: Make) -> None:
+    """Where it tests later trials; another is, by its group where that is what gave the order."""
+    touch = by_take(with_drift(make_set["array"](trials=120)))
+    dated = replace(touch, created=tuple(f"2026-11-{28 - i // 6:02d}T10:{i % 6:02d}"
+                                         for i in range(len(touch))))  # fmt: skip
+
+    assert "as with --split order:take:70%;" in sorted_out(touch, "random")["drift"].mend
+    used = sorted_out(touch, "order:take:70%")["drift"]
+    assert used.mend == "keep this split, which tests what was recorded later; tare if it is a " \
+                        "level that drifts"  # fmt: skip
+    other = sorted_out(replace(dated, trials=tuple(
+        replace(t, groups={**t.groups, "take": str(i)}) for i, t in enumerate(touch.trials)
+    )), "order:take:70%")  # fmt: skip
+    assert "as with --split order:KEY:70%, with these numbers as a group" in other["drift"].mend
+    named = replace(touch, files=({"detail trial": "1"},) * len(touch))
+    assert sorted_out(named, "order:take:70%")["drift"].mend == used.mend
+
+
+def test_where_numbers_differ_by_class_later_trials_of_each_are_advised(make_set: Make) -> None:
+    """Of 40, 40 and 12 takes none of the third class's is among the last 30 %."""
+    touch = by_take(with_drift(make_set["array"](trials=120)), (40, 40, 12))
+
+    assert "--split order:take:70%:by-class;" in sorted_out(touch)["drift"].mend
+    used = sorted_out(touch, "order:take:70%:by-class")
+    assert "keep this split" in used["drift"].mend
+    assert "order:" not in used["order effect"].mend
+
+
+def sorted_by_person(touch: TouchSet) -> TouchSet:
+    """Return trials of one file, class by class and in each person by person, who differ."""
+    rng, persons = np.random.default_rng(1), rng_levels()
+    trials, rows = [], []
+    for place, index in enumerate(np.argsort(touch.y, kind="stable")):
+        person = place % 40 // 10
+        name = f"stack-{place + 1:03d}.mcap"
+        trials.append(replace(touch.trials[index], recording=name, groups={
+            "recording": name, "trial": f"{name}#0", "wearer": f"p{person}"}))  # fmt: skip
+        rows.append((persons[person] + rng.normal(0, 0.05, (40, 6))).astype(np.float32))
+    return replace(
+        touch,
+        trials=tuple(trials),
+        rows=tuple(rows),
+        files=({"detail imported_from": "a.npz", "detail trial": "7"},) * len(rows),
+    )
+
+
+def rng_levels() -> np.ndarray:
+    """Return a level for each of four persons and six channels."""
+    return np.random.default_rng(2).normal(0.0, 1.0, (4, 6))
+
+
+def test_numbers_that_an_import_gave_are_no_order_of_time(make_set: Make) -> None:
+    """The finding says which numbers they are; with persons held out, it is none."""
+    touch = sorted_by_person(make_set["array"](trials=120))
+
+    found = sorted_out(touch)["drift"]
+    assert found.verdict == "note"
+    assert "(by their numbers in the file that they were imported from)" in found.message
+    assert "need not be an order of time" in found.message
+    assert "--split" not in found.mend
+    assert "find out what the file is sorted by" in found.mend
+    held = sorted_out(touch, "group:wearer")
+    assert held["drift"].verdict == "clear"
+    assert held["order effect"].verdict in ("clear", "too few")
+    own = sorted_out(replace(touch, files=({},) * len(touch)))["drift"].message
+    assert "last number of each file's name): something drifts" in own
+
+
 @pytest.mark.slow
 def test_few_trials_are_not_called_clean(make_set: Make) -> None:
     """Eight trials show no leak, and the audit says that they could not."""

@@ -216,6 +216,24 @@ def test_each_piece_is_timed_once_without_what_any_call_takes():
     assert sorted(measured) == ["_Beside", "_Nothing", "_OnFeatures", "mean", "mean+statistics"]
 
 
+def test_rows_standardised_across_a_pad_are_counted_once_for_all_blocks_of_them(
+    found: SearchResult, monkeypatch: pytest.MonkeyPatch
+):
+    """Counted in each of three blocks, they left the pad's own patterns no time on 486 taxels."""
+    monkeypatch.setattr("taxel.training.choose.pieces.LARGE", 100)
+
+    def measure(models: Sequence[nn.Module], *_: object) -> list[float]:
+        blocks = [cast(Any, model).blocks for model in models]
+        return [100.0 * len(own) + 500.0 * any(b.startswith("unit/") for b in own)
+                for own in blocks]  # fmt: skip
+
+    sets = {"means": ("mean",), "across the pad": ("unit/level", "unit/course", "unit/parts")}
+    kept, slow = Pieces(measure).quick_sets(sets, found.part.prepared, 1400.0)
+    assert (kept["across the pad"], slow) == (sets["across the pad"], ())
+    kept, slow = Pieces(measure).quick_sets(sets, found.part.prepared, 1300.0)
+    assert (len(kept["across the pad"]), len(slow)) == (2, 1)
+
+
 def test_what_is_timed_gives_in_the_engine_what_the_piece_gives(monkeypatch: pytest.MonkeyPatch):
     window = torch.randn(1, 24, 2), torch.ones(1, 24, dtype=torch.bool)
     features = TouchFeatures(("mean", "statistics"), (0, 0))

@@ -16,16 +16,14 @@ from numpy.typing import NDArray
 from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.evidence import LabelEvidence, evidence_of, look_up, predict
 from taxel.evaluation.audit.finding import Verdict
-from taxel.evaluation.audit.touch_set import SESSIONS, TouchSet
+from taxel.evaluation.audit.orders import NUMBERS, recorded_order
+from taxel.evaluation.audit.touch_set import SESSIONS
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import OBJECTS, Trial
 from taxel.plain_text import several
 
 FINGERPRINT = 0.9
 """Accuracy from which a name counts as the label's fingerprint. Our choice, decision 23."""
-NUMBERS = ("trial_number", "number", "index", "order", "attempt", "repetition", "rep", "repeat",
-           "take")  # fmt: skip
-"""Groups that count trials in the order in which they were recorded."""
 _IMPORTED = "detail imported_from"
 _FILES = ("recording", "file", _IMPORTED)
 """Names of files: what belongs in them is no setting."""
@@ -43,7 +41,7 @@ def read_origins(case: Case) -> list[Reading]:
     readings = [_read_key(case, *names) for names in _once(_named(case))]
     order = recorded_order(touch)
     if order is not None:
-        readings.append(_read_order(case, order))
+        readings.append(_read_order(case, order.places))
     return readings
 
 
@@ -179,26 +177,6 @@ def _nested(inner: NDArray[np.generic], outer: NDArray[np.str_]) -> bool:
 def _few(y: NDArray[np.intp], values: NDArray[np.str_]) -> bool:
     """Return whether a class has one value only, so that no split can hold it out."""
     return any(len(set(values[y == c])) < 2 for c in set(y))
-
-
-def recorded_order(touch: TouchSet) -> NDArray[np.float64] | None:
-    """Return each trial's place in the order of recording, shape (trials,); None if unknown."""
-    several = len({trial.recording for trial in touch.trials}) < len(touch)
-    known = all(touch.created) and len(set(touch.created)) > 1
-    if known or (several and len({t.recording for t in touch.trials}) == 1):
-        pairs = [(made, trial.start_s) for made, trial in zip(touch.created, touch.trials,
-                                                              strict=True)]  # fmt: skip
-        ranks = {pair: float(i) for i, pair in enumerate(sorted(set(pairs)))}
-        return np.array([ranks[pair] for pair in pairs])
-    for key in touch.keys(NUMBERS):
-        values = touch.group(key)
-        try:
-            return None if values is None else values.astype(float)
-        except ValueError:
-            continue
-    if several:
-        return np.array([trial.start_s for trial in touch.trials])
-    return None
 
 
 def _read_order(case: Case, order: NDArray[np.float64]) -> Reading:

@@ -20,7 +20,7 @@ from taxel.recordings.imports.wav_tables import wav_in_words
 
 PLAIN_COLUMNS = (
     "file", "trials", "axes", "length", "pieces", "channels", "time", "layout", "sensor",
-    "full_scale",
+    "full_scale", "missing",
 )  # fmt: skip
 """Columns of an import table beside label:NAME and group:NAME."""
 PREFIXES = ("label:", "group:")
@@ -43,41 +43,47 @@ def table_cells(path: Path) -> list[list[str]]:
             "enough where their names are alike: {label:object}_*.csv",
         )  # fmt: skip
     if path.name.lower().endswith(_NO_TABLES) and path.is_file():
-        raise BadTable(_A_TABLE, f"{path}, which {_holds(path)}", _WRITE_ONE)
+        holds, mend = _holds(path)
+        raise BadTable(_A_TABLE, f"{path}, which {holds}", mend)
     lines = read_cells(path)
     if not any(cell.strip() for cells in lines for cell in cells):
         raise BadTable(_A_TABLE, f"the empty file {path}", "write its lines")
     return lines
 
 
-def _holds(path: Path) -> str:
-    """Return what is known of a file that is no table: of arrays, their names and shapes."""
+def _holds(path: Path) -> tuple[str, str]:
+    """Return what is known of a file that is no table, and what to do: of arrays, their names and
+    shapes, or why they cannot be read.
+    """
     if path.name.lower().endswith(WAV_ENDING):
-        return f"is {wav_in_words(path)}" if wav_in_words(path) else "is not one"
+        return (f"is {wav_in_words(path)}" if wav_in_words(path) else "is not one"), _WRITE_ONE
+    if not (path.name.lower().endswith(ARRAY_ENDINGS) or is_sheet(path)):
+        return "is not one", _WRITE_ONE
+    try:
+        return f"is a {_in_words(path)}", _WRITE_ONE
+    except BadFile as error:
+        return f"is not one, and cannot be read either: needed {error.needed}; got {error.got}", (
+            f"{error.mend}; then {_WRITE_ONE}"
+        )
+    except MissingExtra as error:
+        return f"is not one, and needs the package {error.package} to be read", (
+            f"pip install 'taxel[{error.extra}]'; then {_WRITE_ONE}"
+        )
+    except OSError as error:
+        return f"is not one, and cannot be read either: {error.strerror}", _WRITE_ONE
+
+
+def _in_words(path: Path) -> str:
+    """Return which sheets a workbook holds, or which arrays another file."""
     if is_sheet(path):
-        return _sheets_in(path)
-    if not path.name.lower().endswith(ARRAY_ENDINGS):
-        return "is not one"
+        names = sheet_names(path)
+        some = ", ".join(visible(name) for name in names[:6]) + (" …" if names[6:] else "")
+        return f"workbook with {number_of(len(names), 'sheet')}: {some}"
+    file = open_arrays(path)
     try:
-        file = open_arrays(path)
-    except (BadFile, MissingExtra, OSError):
-        return "is not one"
-    try:
-        return f"is a file of arrays: {table_of(file)}"
+        return f"file of arrays: {table_of(file)}"
     finally:
         file.close()
-
-
-def _sheets_in(path: Path) -> str:
-    """Return what is known of a workbook: its sheets, or what is needed to read it."""
-    try:
-        names = sheet_names(path)
-    except MissingExtra as error:
-        return f"is a workbook ({str(error).removesuffix('.')})"
-    except (BadFile, OSError):
-        return "is not one"
-    some = ", ".join(visible(name) for name in names[:6]) + (" …" if names[6:] else "")
-    return f"is a workbook with {number_of(len(names), 'sheet')}: {some}"
 
 
 def check_header(path: Path, header: Sequence[str]) -> None:

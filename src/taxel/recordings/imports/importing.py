@@ -326,6 +326,8 @@ def _import_file(job: _Job, content: Content, path: Path) -> FileFacts:
         doubts=(*row.doubts, *(source.doubts if source else ()), *_doubtful(row, table)),
         coarse=coarse_of(table.values, table.names),
         lying=lying_of(*table.values.shape) if _by_star(row) and _may_lie(row, table) else "",
+        marked=content.marked,
+        values=table.values.size,
         padding=content.padding.cut,
         zeros=content.padding.zeros,
         number_header=table.number_header,

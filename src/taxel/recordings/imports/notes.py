@@ -5,8 +5,8 @@ Knows nothing about how files are read or written.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +87,10 @@ class FileFacts:
     """Channels that lose much in 32 bits; or empty."""
     lying: str = ""
     """How it was read where its rows may be its channels; or empty."""
+    marked: Mapping[str, int] = field(default_factory=dict)
+    """Mark of missing values, as the table names it → values that were such."""
+    values: int = 0
+    """How many it holds, of all channels."""
     padding: int = 0
     """Rows of NaN at its end, which were cut."""
     zeros: int = 0
@@ -161,6 +165,7 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
         *_first(list(dict.fromkeys(doubt for facts in files for doubt in facts.doubts)),
                 "more notes of this kind on other files"),
         *_pieces([facts for facts in files if facts.pieces]),
+        *_marked(files),
         *_paddings([facts for facts in files if facts.padding], len(files)),
         *_zeros([facts for facts in files if facts.zeros >= ZEROS], len(files)),
         *_garbled(files),
@@ -171,8 +176,8 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
         *_coarse([facts for facts in files if facts.coarse]),
         *_lying([facts for facts in files if facts.lying]),
         *_passed_over([facts for facts in files if facts.passed_over]),
-        *_slow(sorted(slow, key=lambda facts: facts.rate_hz)),
-        *_fast(sorted(fast, key=lambda facts: -facts.rate_hz)),
+        *_rates(slow, "few"),
+        *_rates(fast, "many"),
         *_gaps([facts for facts in files if facts.gaps], len(files)),
         *_left_out(left_out),
     ]  # fmt: skip
@@ -206,6 +211,30 @@ def _pieces(files: Sequence[FileFacts]) -> list[str]:
         f"{len(files)} {was} cut into {number_of(pieces, 'piece')}, each a trial{rest}; the group "
         "cut_from names what a piece was cut from"
     ]
+
+
+def _marked(files: Sequence[FileFacts]) -> list[str]:
+    """Return a line for each mark of missing values: how many were such, or that none was."""
+    lines = []
+    for mark in dict.fromkeys(mark for facts in files for mark in facts.marked):
+        own = [facts for facts in files if mark in facts.marked]
+        counts = [facts.marked[mark] for facts in own]
+        count, concerned, most = sum(counts), sum(map(bool, counts)), max(counts)
+        if not count:
+            lines.append(
+                f"no value is {mark}, which the column 'missing' names as a mark of missing "
+                "values; if it is written otherwise in the data, correct it"
+            )
+            continue
+        is_, was = ("is", "was") if count == 1 else ("are", "were")
+        where = f", at most {most}" if concerned > 1 else ""
+        share = 100 * count / sum(facts.values for facts in own)
+        lines.append(
+            f"{number_of(count, 'value')} ({share:.2g} %) in {concerned} of "
+            f"{number_of(len(own), 'file')} {is_} {mark}, and {was} taken as missing{where} "
+            f"({own[counts.index(most)].file})"
+        )
+    return lines
 
 
 def _paddings(files: Sequence[FileFacts], of: int) -> list[str]:
@@ -297,23 +326,15 @@ def _lying(files: Sequence[FileFacts]) -> list[str]:
     ]
 
 
-def _slow(files: Sequence[FileFacts]) -> list[str]:
-    """Return a line on files of few scans a second, the slowest first."""
-    return _rates(files, "few")
-
-
-def _fast(files: Sequence[FileFacts]) -> list[str]:
-    """Return a line on files of very many scans a second, the fastest first."""
-    return _rates(files, "many")
-
-
 def _rates(files: Sequence[FileFacts], how: str) -> list[str]:
+    """Return a line on files of few or very many scans a second: the first, and all rates."""
     if not files:
         return []
-    first = files[0]
+    rates = sorted(facts.rate_hz for facts in files)
+    ends = dict.fromkeys(f"{rate:.3g}" for rate in (rates[0], rates[-1]))
     return [
-        f"{_some(files)}: {first.rate_hz:.3g} scans a second by the time column {first.time}; if "
-        f"that is too {how}, its unit is wrong: s, ms, us or ns"
+        f"{_some(files)}: {' to '.join(ends)} scans a second by the time column {files[0].time}; "
+        f"if that is too {how}, its unit is wrong: s, ms, us or ns"
     ]
 
 

@@ -6,8 +6,8 @@ and of a file can be told apart. Knows nothing about how recordings are written.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from taxel.plain_text import number_of
 from taxel.recordings.imports import tables
 from taxel.recordings.imports.layouts import LayoutReader, find_layout
 from taxel.recordings.imports.lying_texts import HINT, may_lie, read_lying
+from taxel.recordings.imports.missing_marks import without_marked
 from taxel.recordings.imports.pieces import cut
 from taxel.recordings.imports.row_labels import marks_by_row
 from taxel.recordings.imports.row_times import BadTimes, check_time
@@ -43,6 +44,8 @@ class Content:
     marks: tuple[Mark, ...]
     """Of labels that stand in its rows; or pieces."""
     padding: Padding
+    marked: Mapping[str, int] = field(default_factory=dict)
+    """Mark of missing values → how many there were; they are NaN in the table."""
     in_no_piece: int = 0
     """Rows behind the last whole piece."""
 
@@ -68,9 +71,11 @@ def reader_of(
         if not file_behind(row.file).is_file():
             raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
         table, padding = read()
+        values, marked = without_marked(table.values, row.missing)
+        table = replace(table, values=values)
         samples = Samples.from_values(table.values, table.time_s, row.full_scale)
         marks = tuple(_marks(row, samples, table.dropped.rows)) if row.by_row else ()
-        return Content(table=table, samples=samples, marks=marks, padding=padding)
+        return Content(table=table, samples=samples, marks=marks, padding=padding, marked=marked)
 
     return content
 

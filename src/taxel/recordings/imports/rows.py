@@ -20,6 +20,7 @@ from taxel.recordings.imports.left_out import naming_option
 from taxel.recordings.imports.lying_texts import lies
 from taxel.recordings.imports.many_trials import holds_many, refuse_words_of_many, trials_of
 from taxel.recordings.imports.matched_files import TableLine, one_line_a_file
+from taxel.recordings.imports.missing_marks import parse_marks
 from taxel.recordings.imports.pieces import Pieces, parse_pieces
 from taxel.recordings.imports.row_labels import ROWS, columns_by_row
 from taxel.recordings.imports.spelling import column_name
@@ -48,6 +49,8 @@ class ImportRow:
     """Short name of the sensor, the topic in the recording."""
     full_scale: float | None = None
     """Value from which a channel counts as saturated, in the channels' unit."""
+    missing: tuple[str, ...] = ()
+    """Numbers that mark missing values, as the table writes them."""
     pieces: Pieces | None = None
     """Length of the pieces that each recording is cut into; None where it stays whole."""
     details: Mapping[str, str] = field(default_factory=dict)
@@ -247,6 +250,7 @@ def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
         lying=lying,
         sensor=named.get("sensor", "") or "array",
         full_scale=_full_scale(named.get("full_scale", ""), where),
+        missing=parse_marks(named.get("missing", ""), where),
         pieces=parse_pieces(named.get("pieces", ""), where),
     )
 

@@ -20,7 +20,7 @@ from taxel.bundles.writer import export_onnx
 from taxel.models.heads import TreesHead
 from taxel.models.kernel_features import KERNELS, drawn_kernels
 from taxel.models.onnx_session import WindowModel
-from taxel.models.touch_features import TouchFeatures
+from taxel.models.touch_features import UNIT, TouchFeatures
 from taxel.training.choose.candidates import PLAIN, Candidate, Sets
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.costs import quietest_of
@@ -29,12 +29,25 @@ from taxel.training.choose.preparations import Prepared
 
 _MEANS = "mean"
 """The block that has nothing but what all others need, too."""
+_UNIT_MEANS = f"{UNIT}{_MEANS}"
+"""The same of blocks of rows that are standardised."""
 LARGE = 5000
 """Values of a window from where on its features are timed before any is tried. Source: our choice,
 docs/decisions/0039."""
 FOR_FEATURES = 0.75
 """Share of a window's time that features may take; models on them need the rest. Source: as
 above."""
+
+
+def _needs(block: str) -> tuple[str, ...]:
+    """Return the blocks beside which a block is timed: none for the first."""
+    if block == _MEANS:
+        return ()
+    return (_MEANS, _UNIT_MEANS) if block.startswith(UNIT) and block != _UNIT_MEANS else (_MEANS,)
+
+
+def _with(block: str) -> tuple[str, ...]:
+    return (*_needs(block), block)
 
 
 class _OnFeatures(nn.Module):
@@ -178,25 +191,24 @@ class Pieces:
     def _features(
         self, blocks: tuple[str, ...], prepared: Prepared, values: Tensor, mask: Tensor
     ) -> float:
-        """Return what blocks take together: each once, beside what the channels' means do.
+        """Return what blocks take together: each once, beside what all of its kind need.
 
-        Each is timed beside them, not all together: of sets that have nearly all in common the
-        slower one would be a matter of chance.
+        Each is timed beside the channels' means, those of rows standardised across a pad beside
+        these rows' means, too: of sets that have nearly all in common the slower one would be a
+        matter of chance.
         """
         shape, padded = values.shape[1:], prepared.config.pad
-        wanted = [_MEANS, *(block for block in blocks if block != _MEANS)]
+        needed = dict.fromkeys(need for block in blocks for need in _needs(block))
+        wanted = tuple(dict.fromkeys((_MEANS, *needed, *blocks)))
         new = [block for block in wanted if (block, shape) not in self._known]
         if new:
-            models = [
-                _Features(
-                    tuple(dict.fromkeys((_MEANS, block))), prepared.pads, shape[0], padded=padded
-                )
-                for block in dict.fromkeys((_MEANS, *new))
-            ]
-            least, *others = self.measure(models, values, mask)
-            self._known[_MEANS, shape] = self._known.get((_MEANS, shape), least)
-            for block, us in zip((b for b in new if b != _MEANS), others, strict=True):
-                self._known[block, shape] = max(us - least, 0.0)
+            ways = [way for block in new for way in (_needs(block), _with(block)) if way]
+            timed = list(dict.fromkeys(ways))
+            models = [_Features(own, prepared.pads, shape[0], padded=padded) for own in timed]
+            us = dict(zip(timed, self.measure(models, values, mask), strict=True))
+            for block in new:
+                spent = us[_with(block)] - us.get(_needs(block), 0.0)
+                self._known[block, shape] = max(spent, 0.0)
         return sum(self._known[block, shape] for block in wanted)
 
     def _forest(self, candidate: Candidate, fitted: list[nn.Module], shape: object) -> float:
