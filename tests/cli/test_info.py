@@ -99,6 +99,7 @@ def test_a_recording_of_many_channels_lists_some(
 
 
 def test_a_group_is_one_value_a_range_or_names():
+    assert _span([f"r{n}" for n in range(41)] * 2).endswith(" and 35 more")
     assert _span(["a", "a"]) == "a"
     assert _span(["9.5", "10", "-1"]) == "-1 to 10"
     assert _span([f"s{i}" for i in range(8)]) == "s0, s1, s2, s3, s4, s5 and 2 more"

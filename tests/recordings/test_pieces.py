@@ -67,7 +67,8 @@ def test_stretches_of_labels_are_cut_each_by_itself_and_keep_their_labels(tmp_pa
 def test_so_are_intervals(tmp_path):
     (tmp_path / "marks.csv").write_text("start_s,end_s,label:state\n0.1,0.5,held\n0.6,0.75,slip\n")
     table = "file,channels,time,pieces\nt0.csv,a[N],ms[ms],0.2s\n"
-    (recording,), _ = bring(tmp_path, table, text(100), intervals=tmp_path / "marks.csv")
+    (recording,), notes = bring(tmp_path, table, text(100), intervals=tmp_path / "marks.csv")
+    assert "15 rows behind the last whole piece are in none; 1 stretch is shorter" in notes[0]
 
     assert [(mark.start_s, mark.end_s) for mark in recording.marks] == [
         pytest.approx((0.1, 0.29)), pytest.approx((0.3, 0.49)),
@@ -102,7 +103,7 @@ def test_gaps_and_uneven_times_give_no_empty_piece():
     time_s = 1.7e9 + np.concatenate(
         [np.arange(10) * 0.1 + 1e-7, [3.05, 3.15], 4 + np.arange(5) / 10]
     )
-    marks, left = cut((), time_s, Pieces(seconds=1.0), "t")
+    marks, left, _ = cut((), time_s, Pieces(seconds=1.0), "t")
     assert [(round(mark.start_s - 1.7e9, 2), mark.groups["piece_number"]) for mark in marks] == [
         (0.0, "1"), (3.05, "4"),
     ]  # fmt: skip
@@ -111,7 +112,7 @@ def test_gaps_and_uneven_times_give_no_empty_piece():
 
 def test_pieces_of_times_since_1970_are_equal():
     time_s = 1.7e9 + np.arange(1000) / 300.0
-    marks, left = cut((), time_s, Pieces(seconds=0.5), "t")
+    marks, left, _ = cut((), time_s, Pieces(seconds=0.5), "t")
     rows = [np.count_nonzero((time_s >= mark.start_s) & (time_s <= mark.end_s)) for mark in marks]
     assert (rows, left) == ([150] * 6, 100)
 
@@ -119,7 +120,7 @@ def test_pieces_of_times_since_1970_are_equal():
 def test_marks_of_intervals_are_whole_where_a_scan_starts_at_the_last_moment():
     time_s = np.arange(10) / 10.0
     whole = marks_of([Interval(start_s=0.2, end_s=0.8)], time_s, 10.0)
-    marks, left = cut(whole, time_s, Pieces(rows=3), "t")
+    marks, left, _ = cut(whole, time_s, Pieces(rows=3), "t")
     assert [(mark.start_s, mark.end_s) for mark in marks] == [(0.2, 0.4), (0.5, 0.7)]
     assert left == 0
 

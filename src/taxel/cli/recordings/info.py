@@ -225,7 +225,8 @@ def _span(values: list[str]) -> str:
     try:
         names.sort(key=float)
     except ValueError:
-        shown = names if 2 * len(names) <= len(values) else names[:_NAMES]
+        few = 2 * len(names) <= len(values) and len(names) <= _RECORDINGS
+        shown = names if few else names[:_NAMES]
         more = f" and {len(names) - len(shown)} more" if len(names) > len(shown) else ""
         return visible_names(shown) + more
     return f"{visible(names[0])} to {visible(names[-1])}"

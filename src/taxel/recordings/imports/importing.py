@@ -344,6 +344,7 @@ def _import_file(job: _Job, content: Content, path: Path) -> FileFacts:
         longest_from_s=longest_from_s,
         pieces=len(content.marks) if row.pieces else 0,
         in_no_piece=content.in_no_piece,
+        short=content.short,
     )
 
 

@@ -99,6 +99,8 @@ class FileFacts:
     """Pieces that it was cut into; 0 where it stays whole."""
     in_no_piece: int = 0
     """Its rows that are in none of them."""
+    short: int = 0
+    """Its stretches that are shorter than a piece, and give none."""
     left_out: str = ""
     """Why it could not be read, and was left out; or empty."""
 
@@ -206,6 +208,9 @@ def _pieces(files: Sequence[FileFacts]) -> list[str]:
     pieces = sum(facts.pieces for facts in files)
     left = sum(facts.in_no_piece for facts in files)
     rest = f"; {number_of(left, 'row')} behind the last whole piece are in none" if left else ""
+    if short := sum(facts.short for facts in files):
+        is_ = "is" if short == 1 else "are"
+        rest += f"; {number_of(short, 'stretch')} {is_} shorter than a piece"
     was = "recording was" if len(files) == 1 else "recordings were"
     return [
         f"{len(files)} {was} cut into {number_of(pieces, 'piece')}, each a trial{rest}; the group "

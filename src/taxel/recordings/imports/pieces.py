@@ -60,8 +60,9 @@ def parse_pieces(text: str, where: str) -> Pieces | None:
 
 def cut(
     wholes: Sequence[Mark], time_s: NDArray[np.float64], length: Pieces, file: str
-) -> tuple[tuple[Mark, ...], int]:
-    """Return the pieces of a recording as marks, and how many rows are in none.
+) -> tuple[tuple[Mark, ...], int, int]:
+    """Return the pieces of a recording as marks, how many rows are in none, and how many wholes
+    give none, as they are shorter.
 
     What is left at the end of a whole, shorter than a piece, is in none.
 
@@ -76,7 +77,7 @@ def cut(
     """
     step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
     marks: list[Mark] = []
-    left = 0
+    left = short = 0
     for number, whole in enumerate(wholes or [None], start=1):
         first, stop = 0, len(time_s)
         if whole is not None:
@@ -93,6 +94,7 @@ def cut(
             if start < end  # not where nothing was measured
         ]  # fmt: skip
         left += stop - int(edges[-1])
+        short += len(edges) == 1
     if not marks:
         what = "stretch" if wholes else "recording"
         longest = len(time_s) if length.rows else time_s[-1] - time_s[0] + step_s
@@ -100,7 +102,7 @@ def cut(
         raise BadTable(f"a {what} of at least {length} for one piece",
                        f"{'none' if wholes else got} in {visible(file)}",
                        "write a shorter length in the column 'pieces'")  # fmt: skip
-    return tuple(marks), left
+    return tuple(marks), left, short
 
 
 def _edges(

@@ -48,6 +48,8 @@ class Content:
     """Mark of missing values → how many there were; they are NaN in the table."""
     in_no_piece: int = 0
     """Rows behind the last whole piece."""
+    short: int = 0
+    """Stretches that are shorter than a piece."""
 
 
 def reader_of(
@@ -94,8 +96,8 @@ def in_pieces(row: ImportRow, content: Content, wholes: Sequence[Mark]) -> Conte
     if row.pieces is None:
         return replace(content, marks=tuple(wholes))
     file = row.groups.get("file", row.file.name)
-    marks, left = cut(wholes, content.samples.fitted_s, row.pieces, file)
-    return replace(content, marks=marks, in_no_piece=left)
+    marks, left, short = cut(wholes, content.samples.fitted_s, row.pieces, file)
+    return replace(content, marks=marks, in_no_piece=left, short=short)
 
 
 def _table_reader(
