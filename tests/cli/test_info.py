@@ -56,7 +56,50 @@ def test_a_folder_fits_80_columns_and_says_what_its_groups_hold(
     assert "group session: session-1, session-2" in lines
 
 
+def many(tmp_path: Path, recordings: int, channels: int) -> Path:
+    info = SensorInfo(name="pad", channels=tuple(f"c{i}" for i in range(channels)),
+                      units=("N",) * channels, rate_hz=100.0)  # fmt: skip
+    for i in range(recordings):
+        manifest = Manifest(sensor=info, labels={"object": "cup"})
+        with Recorder(tmp_path / "many" / f"t-{i:03d}.mcap", manifest) as recorder:
+            recorder.write(Samples.from_values(np.ones((3, channels)), np.arange(3) / 100.0))
+    return tmp_path / "many"
+
+
+def test_a_folder_of_many_lists_some_and_counts_all(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    folder = many(tmp_path, 45, 2)
+    main(["info", str(folder)])
+    lines = capsys.readouterr().out.splitlines()
+    assert sum("t-0" in line for line in lines) == 40
+    assert "and 5 more recordings (--all)" in lines
+    assert f"{folder}: 45 recordings, 135 scans, 0.9 s, all checksums valid" in " ".join(lines)
+    assert "label object: cup=45 (recordings)" in lines
+
+    main(["info", str(folder), "--all"])
+    everything = capsys.readouterr().out
+    assert sum("t-0" in line for line in everything.splitlines()) == 45
+    assert "more recording" not in everything
+    main(["info", str(folder), "--json"])
+    assert len(json.loads(capsys.readouterr().out)) == 45
+
+
+def test_a_recording_of_many_channels_lists_some(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    file = many(tmp_path, 1, 103) / "t-000.mcap"
+    main(["info", str(file)])
+    shown = capsys.readouterr().out
+    assert "c99" in shown
+    assert "c100" not in shown
+    assert "and 3 more channels (--all)" in shown
+    main(["info", str(file), "--all"])
+    assert "c102" in capsys.readouterr().out
+
+
 def test_a_group_is_one_value_a_range_or_names():
+    assert _span([f"r{n}" for n in range(41)] * 2).endswith(" and 35 more")
     assert _span(["a", "a"]) == "a"
     assert _span(["9.5", "10", "-1"]) == "-1 to 10"
     assert _span([f"s{i}" for i in range(8)]) == "s0, s1, s2, s3, s4, s5 and 2 more"

@@ -42,5 +42,11 @@ def test_so_is_one_of_a_table_of_intervals(tmp_path, name):
         read_intervals(table, ["cup"])
 
 
+@pytest.mark.parametrize("name", ["cut_from", "piece_number"])
+def test_so_are_the_groups_of_pieces(name):
+    with pytest.raises(BadTable, match=f"groups but cut_from and piece_number.*group:{name}"):
+        refuse_own_groups(["file", f"group:{name}"], "table")
+
+
 def test_other_groups_and_labels_may_have_any_name():
     refuse_own_groups(["file", "label:trial", "group:Trial", "group:trial_number"], "table")

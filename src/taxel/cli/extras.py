@@ -50,6 +50,7 @@ EXTRAS: Final[Mapping[str, Extra]] = {
     "rerun": Extra(("rerun",), "a Rerun viewer"),
     "slurm": Extra(("submitit",), "jobs on SLURM"),
     "tune": Extra(("optuna", "sqlalchemy"), "a search for settings"),
+    "xlsx": Extra(("openpyxl",), "Excel workbooks"),
 }  # fmt: skip
 
 

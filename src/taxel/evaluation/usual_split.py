@@ -10,9 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from taxel.errors import BadInput
+from taxel.errors import BadInput, BadSplit
 from taxel.evaluation.splits import Split, parse_split
 from taxel.labels.trials import OBJECTS, USUAL_GROUPS, Trial, coarsest_group
+from taxel.recordings.imports.own_groups import CUT_FROM
 from taxel.windows.dataset import Dataset
 
 IN_WORDS = "sessions, else objects, persons …, else files"
@@ -49,7 +50,8 @@ def usual_split(dataset: Dataset, target: str, folds: int, seed: int) -> Split:
     """Return folds that hold out the coarsest groups.
 
     Objects that were touched several times come first, unless there are sessions; then sessions, or
-    where there are none what else people part trials by, such as persons; then files.
+    where there are none what else people part trials by, such as persons; then files. Of pieces
+    (the import table's column of that name) all those of a whole are on one side.
 
     Args:
         dataset: What is split, in windows of any length.
@@ -61,18 +63,28 @@ def usual_split(dataset: Dataset, target: str, folds: int, seed: int) -> Split:
         BadSplit: No group can be held out whole.
     """
     order = _order(dataset.trials, [trial.labels[target] for trial in dataset.trials])
-    for key in order[:-1]:
+    pieces = all(CUT_FROM in trial.groups for trial in dataset.trials)
+    if pieces:  # never some pieces of a whole with the others of it in training
+        order.remove("trial")
+    for key in order[: None if pieces else -1]:
         try:
             return parse_split(f"group:{key}", dataset, target, folds, seed)
         except BadInput:
             continue
+    if pieces:
+        raise BadSplit(
+            f"pieces of several recordings or stretches of each {target}, to hold out whole ones",
+            "pieces of too few of them",
+            "import more recordings, or test the later pieces by --split order:piece_number:70%",
+        )
     return parse_split(f"group:{order[-1]}", dataset, target, folds, seed)
 
 
 def _order(trials: Sequence[Trial], labels: Sequence[str]) -> list[str]:
     """Return the groups that all trials have, in the order in which `usual_split` tries them."""
     key = coarsest_group(trials)
-    finer = (name for name in ("session", "file", "recording", "trial") if name != key)
+    parts = ("session", "file", "recording", CUT_FROM, "trial")
+    finer = (name for name in parts if name != key)
     first = ("object",) if key != "session" and _has_objects(trials, labels) else ()
     others = () if key == "session" else _parting(trials)
     order = [*first, *others, key, *finer]

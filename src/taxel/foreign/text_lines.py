@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from taxel.errors import BadFile
 from taxel.foreign.files import MIB, in_words, open_file, refuse_larger, size_of
+from taxel.foreign.sheets import is_sheet, sheet_lines
 
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
@@ -37,14 +38,19 @@ def lines_of(path: Path, most: int) -> Iterator[str]:
     \r\r\n, as Windows writes where a program ends lines in \r\n itself, is one end, not two.
 
     Args:
-        path: The file; one whose name ends in .gz or .GZ is unpacked.
+        path: The file; one whose name ends in .gz or .GZ is unpacked. Of a workbook (.xlsx) it is
+            the sheet that the path names, or the first (sheets.py).
         most: Bytes that the text may have, unpacked.
 
     Raises:
         BadFile: It is no plain file, too large, packed too well, damaged, in another encoding,
             or has a line too long.
+        MissingExtra: openpyxl is needed and not installed.
         OSError: It is not there, or may not be read.
     """
+    if is_sheet(path):
+        yield from (f"{line}\n" for line in sheet_lines(path, most))
+        return
     number, torn = 0, False
     with open_file(path) as file:
         refuse_larger(path, size_of(file), most)

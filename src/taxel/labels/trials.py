@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.recordings.imports.own_groups import CUT_FROM
 from taxel.recordings.manifest import Manifest
 from taxel.signals import Mark
 
@@ -20,6 +21,8 @@ OBJECTS = ("object", "cup", "item", "specimen")
 """Groups that say what was touched; they may well predict the class."""
 USUAL_GROUPS = (*OBJECTS, "session", "sitting", "day", "person", "subject")
 """Groups that people part trials by: named first where others part them alike."""
+_COARSE = ("session", "file", "recording", CUT_FROM)
+"""Groups that hold several trials, those that hold the most first."""
 TIME = "time"
 """In place of a group, unless one is called so: when a trial of a recording begins, seconds."""
 
@@ -96,7 +99,8 @@ def span_at(moment_s: float, spans: Sequence[tuple[float, float]], slack_s: floa
 def coarsest_group(trials: Sequence[Trial], split: str = "") -> str:
     """Return the group to draw or hold out as a whole: the coarsest of which there are two.
 
-    That is the session, else the file, else the recording, else the trial. A group that a split
+    That is the session, else the file, else the recording, else what pieces were cut from, else the
+    trial. A group that a split
     holds out takes its place, such as an object that was touched in several sessions, unless it
     lies within it.
 
@@ -104,9 +108,7 @@ def coarsest_group(trials: Sequence[Trial], split: str = "") -> str:
         trials: Those that are judged, at least one.
         split: The split's name, such as "object held out".
     """
-    known = {
-        key: {trial.groups.get(key) for trial in trials} for key in ("session", "file", "recording")
-    }
+    known = {key: {trial.groups.get(key) for trial in trials} for key in _COARSE}
     first = next((key for key, own in known.items() if len(own) > 1 and None not in own), "trial")
     held = held_out(split, trials)
     if held is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import tyro
 from rich.box import SIMPLE_HEAD
@@ -13,6 +13,7 @@ from rich.table import Table
 
 from taxel.bundles.envelope import BundleKind, kind_of, unpack
 from taxel.bundles.shipped import find_bundle
+from taxel.cli.options.rules import Only
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.cli.recordings.info_table import describe_table, is_trial_table, refuse_other_table
 from taxel.labels.class_order import in_order
@@ -23,6 +24,8 @@ from taxel.recordings.tally import camera_line
 
 _NAMES = 6
 """Values of a group that are named."""
+_RECORDINGS, _CHANNELS = 40, 100
+"""Lines of a table, unless all are asked for: the totals below it stay on the screen."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +37,18 @@ class Info:
     path: tyro.conf.Positional[Path]
     """A recording (.mcap), a folder of them, a table of camera trials (.csv), or a bundle (.taxel),
     such as the cup-pour that comes with taxel."""
+    all: bool = False
+    """List all recordings of a folder and all channels of a recording, not only the first 40
+    recordings or 100 channels. The totals are of all of them in any case."""
     json: bool = False
     """Print everything as JSON: one object for a file, a list for a folder."""
+
+    RULES: ClassVar = (
+        Only(
+            ("all",), "a recording or folder, without --json",
+            lambda o: not o.json and (o.path.is_dir() or o.path.suffix == ".mcap"),
+        ),
+    )  # fmt: skip
 
     def run(self) -> None:
         """Read everything and print it."""
@@ -61,9 +74,9 @@ class Info:
         if self.json:
             print_json(rows if self.path.is_dir() else rows[0], indent=None)
         elif self.path.is_dir():
-            _print_folder(self.path, rows)
+            _print_folder(self.path, rows, everything=self.all)
         else:
-            _print_recording(rows[0])
+            _print_recording(rows[0], everything=self.all)
 
 
 def _print_bundle(path: Path, kind: BundleKind, as_json: bool) -> None:
@@ -77,7 +90,7 @@ def _print_bundle(path: Path, kind: BundleKind, as_json: bool) -> None:
         say(f"{name:<14}{text}")
 
 
-def _print_recording(row: dict[str, Any]) -> None:
+def _print_recording(row: dict[str, Any], *, everything: bool) -> None:
     rate = row["rate_hz"]
     lines = {
         "recording": f"{row['path']}, {row['bytes'] / 1e6:.2f} MB, all checksums valid",
@@ -111,7 +124,7 @@ def _print_recording(row: dict[str, Any]) -> None:
     if not row["channels"]:
         return
     table = Table("channel", "unit", "min", "mean", "max", "saturated %", "unusable %")
-    for channel in row["channels"]:
+    for channel in row["channels"][: None if everything else _CHANNELS]:
         figures = [channel["min"], channel["mean"], channel["max"]]
         table.add_row(
             visible(channel["name"]),
@@ -121,9 +134,19 @@ def _print_recording(row: dict[str, Any]) -> None:
             f"{100 * channel['unusable_share']:.2f}",
         )
     console.print(table)
+    if more := len(row["channels"]) - table.row_count:
+        say(f"and {number_of(more, 'more channel')} (--all)")
 
 
-def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
+def _print_folder(path: Path, rows: list[dict[str, Any]], *, everything: bool) -> None:
+    console.print(_folder_table(rows[: None if everything else _RECORDINGS]))
+    if not everything and len(rows) > _RECORDINGS:
+        say(f"and {number_of(len(rows) - _RECORDINGS, 'more recording')} (--all)")
+    _print_totals(path, rows)
+
+
+def _folder_table(rows: list[dict[str, Any]]) -> Table:
+    """Return a line for each recording, with the columns that say something of one of them."""
     columns: dict[str, list[str]] = {
         "scans": [str(row["scans"]) for row in rows],
         "s": [f"{_seconds(row):.2f}" for row in rows],
@@ -142,7 +165,10 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
                          overflow="fold")  # fmt: skip
     for row, *cells in zip(rows, *shown.values(), strict=True):
         table.add_row(visible(Path(row["path"]).name), *cells)
-    console.print(table)
+    return table
+
+
+def _print_totals(path: Path, rows: list[dict[str, Any]]) -> None:
     scans = sum(row["scans"] for row in rows)
     seconds = sum(map(_seconds, rows))
     frames = sum(map(_frames, rows))
@@ -199,7 +225,8 @@ def _span(values: list[str]) -> str:
     try:
         names.sort(key=float)
     except ValueError:
-        shown = names if 2 * len(names) <= len(values) else names[:_NAMES]
+        few = 2 * len(names) <= len(values) and len(names) <= _RECORDINGS
+        shown = names if few else names[:_NAMES]
         more = f" and {len(names) - len(shown)} more" if len(names) > len(shown) else ""
         return visible_names(shown) + more
     return f"{visible(names[0])} to {visible(names[-1])}"

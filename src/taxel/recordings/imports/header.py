@@ -11,14 +11,16 @@ from pathlib import Path
 from taxel.errors import BadFile, BadTable, MissingExtra
 from taxel.foreign.array_files import ARRAY_ENDINGS, open_arrays
 from taxel.foreign.held_arrays import table_of
+from taxel.foreign.sheets import is_sheet, sheet_names
 from taxel.foreign.wav_file import WAV_ENDING
+from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.own_groups import refuse_own_groups
 from taxel.recordings.imports.table_columns import read_cells
 from taxel.recordings.imports.wav_tables import wav_in_words
 
 PLAIN_COLUMNS = (
-    "file", "trials", "axes", "length", "channels", "time", "layout", "sensor", "full_scale",
-    "missing",
+    "file", "trials", "axes", "length", "pieces", "channels", "time", "layout", "sensor",
+    "full_scale", "missing",
 )  # fmt: skip
 """Columns of an import table beside label:NAME and group:NAME."""
 PREFIXES = ("label:", "group:")
@@ -55,10 +57,10 @@ def _holds(path: Path) -> tuple[str, str]:
     """
     if path.name.lower().endswith(WAV_ENDING):
         return (f"is {wav_in_words(path)}" if wav_in_words(path) else "is not one"), _WRITE_ONE
-    if not path.name.lower().endswith(ARRAY_ENDINGS):
+    if not (path.name.lower().endswith(ARRAY_ENDINGS) or is_sheet(path)):
         return "is not one", _WRITE_ONE
     try:
-        file = open_arrays(path)
+        return f"is a {_in_words(path)}", _WRITE_ONE
     except BadFile as error:
         return f"is not one, and cannot be read either: needed {error.needed}; got {error.got}", (
             f"{error.mend}; then {_WRITE_ONE}"
@@ -69,8 +71,17 @@ def _holds(path: Path) -> tuple[str, str]:
         )
     except OSError as error:
         return f"is not one, and cannot be read either: {error.strerror}", _WRITE_ONE
+
+
+def _in_words(path: Path) -> str:
+    """Return which sheets a workbook holds, or which arrays another file."""
+    if is_sheet(path):
+        names = sheet_names(path)
+        some = ", ".join(visible(name) for name in names[:6]) + (" …" if names[6:] else "")
+        return f"workbook with {number_of(len(names), 'sheet')}: {some}"
+    file = open_arrays(path)
     try:
-        return f"is a file of arrays: {table_of(file)}", _WRITE_ONE
+        return f"file of arrays: {table_of(file)}"
     finally:
         file.close()
 

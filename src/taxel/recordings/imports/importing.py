@@ -19,6 +19,7 @@ import numpy as np
 
 from taxel.errors import BadTable
 from taxel.foreign.hdf5_trial import many_hdf5
+from taxel.foreign.sheets import chosen_of, is_sheet
 from taxel.plain_text import visible
 from taxel.recordings.imports import tables
 from taxel.recordings.imports.earlier import IMPORTED, import_folder
@@ -37,12 +38,12 @@ from taxel.recordings.imports.notes import (
     gaps_of,
     lying_of,
 )
-from taxel.recordings.imports.reading import Content, reader_of
+from taxel.recordings.imports.reading import Content, in_pieces, reader_of
 from taxel.recordings.imports.row_labels import remarks_on_rows
 from taxel.recordings.imports.row_times import BadTimes, OnBadTime
 from taxel.recordings.imports.rows import ImportRow, read_rows
 from taxel.recordings.imports.spelling import composed
-from taxel.recordings.imports.table_form import TEXT_ENDINGS, is_whole
+from taxel.recordings.imports.table_form import is_text, is_whole
 from taxel.recordings.imports.tables import Missing, Table
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
@@ -138,7 +139,7 @@ def import_rows(
             if place in faults:
                 if not options.skip_unreadable:
                     raise naming_option(faults[place], lines, place, lambda other: isinstance(
-                        _content(parts[other][0].row, code_dir, options), Content))  # fmt: skip
+                        _content(parts[other][0], code_dir, options), Content))  # fmt: skip
                 facts = [_left_out(part[0].row, faults[place])]
                 progress(done, len(rows))
             for own in facts:
@@ -175,7 +176,7 @@ def _import_part(
     Where one of them cannot be read, the reason comes last, and none of them is there.
     """
     for number, job in enumerate(part):
-        content = _content(job.row, code_dir, options)
+        content = _content(job, code_dir, options)
         if isinstance(content, BadTable):
             for earlier in part[:number]:
                 (made / earlier.file).unlink()
@@ -186,18 +187,20 @@ def _import_part(
         trial.source.close()  # not all of 1,000 files are open at once
 
 
-def _content(row: ImportRow, code_dir: Path, options: ImportOptions) -> Content | BadTable:
-    """Return what a row's file or trial holds, or why it cannot be read.
+def _content(job: _Job, code_dir: Path, options: ImportOptions) -> Content | BadTable:
+    """Return what a row's file or trial holds, in pieces if so, or why it cannot be read.
 
     Raises:
         BadTable: The row itself is not as it should be.
     """
+    row = job.row
     if row.fault is not None:
         return row.fault
     bad_times = BadTimes(repeated=options.repeated_times, garbled=options.garbled_times)
     read = reader_of(row, options.missing, bad_times, code_dir, allow_code=options.allow_code)
     try:
-        return read()
+        content = read()
+        return content if job.intervals else in_pieces(row, content, content.marks)
     except BadTable as error:
         return error
 
@@ -304,11 +307,12 @@ def _import_file(job: _Job, content: Content, path: Path) -> FileFacts:
         full_scale=row.full_scale,
         details={"imported_from": row.file.name, "layout": row.layout} | dict(row.details),
     )
-    marks = content.marks or marks_of(job.intervals, samples.fitted_s, info.rate_hz)
+    if job.intervals:
+        content = in_pieces(row, content, marks_of(job.intervals, samples.fitted_s, info.rate_hz))
     labels, groups = _composed(row.labels), _composed(row.groups)
     recorder = Recorder(path, Manifest(sensor=info, labels=labels, groups=groups))
     try:
-        write_marked(recorder, samples, marks)
+        write_marked(recorder, samples, content.marks)
         recorder.close(IMPORTED)
     except BaseException:
         recorder.discard()
@@ -338,20 +342,29 @@ def _import_file(job: _Job, content: Content, path: Path) -> FileFacts:
         gaps=gaps,
         longest_gap_s=longest_gap_s,
         longest_from_s=longest_from_s,
+        pieces=len(content.marks) if row.pieces else 0,
+        in_no_piece=content.in_no_piece,
+        short=content.short,
     )
 
 
 def _doubtful(row: ImportRow, table: Table) -> list[str]:
-    """Return a line on names that speak against channels, where * took all columns."""
+    """Return a line on names that speak against channels, where * took all columns, and one on
+    which sheet was read where none is named.
+    """
     called = visible(row.called or row.file.name)
-    return doubtful_names(called, table.names) if _by_star(row) else []
+    doubts = doubtful_names(called, table.names) if _by_star(row) else []
+    if row.layout == "csv" and is_sheet(row.file) and (chosen := chosen_of(row.file)):
+        doubts.append(f"{called}: the sheet {visible(chosen)} was read; to read another one, write "
+                      f"{called}[SHEET]")  # fmt: skip
+    return doubts
 
 
 def _may_lie(row: ImportRow, table: Table) -> bool:
     """Return whether nothing but its shape says what a file's lines are: no names, no axes."""
-    ending = row.file.name.lower()
-    bare = ending.endswith(TEXT_ENDINGS) and all(map(is_whole, table.names)) and not row.lying
-    return row.trial is None and (ending.endswith(".npy") or bare)
+    name = row.file.name
+    bare = is_text(name) and all(map(is_whole, table.names)) and not row.lying
+    return row.trial is None and (name.lower().endswith(".npy") or bare)
 
 
 def _by_star(row: ImportRow) -> bool:

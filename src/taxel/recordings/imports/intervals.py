@@ -8,6 +8,7 @@ what is learned from a mark.
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.foreign.array_files import ARRAY_ENDINGS
+from taxel.foreign.sheets import without_sheet
 from taxel.foreign.wav_file import WAV_ENDING
 from taxel.plain_text import figures
 from taxel.recordings.imports.own_groups import refuse_own_groups
@@ -65,6 +67,9 @@ class Interval:
 def stem_of(file: str) -> str:
     """Return the name of a file's recording: without folders and without its ending."""
     name = Path(file).name
+    if (plain := without_sheet(name)) != name:  # touch.xlsx[Day 1] is touch-Day-1
+        sheet = re.sub(r"[^\w.+-]+", "-", name[len(plain) + 1 : -1])
+        return f"{stem_of(plain)}-{sheet}"
     for suffix in SUFFIXES:
         if name.lower().endswith(suffix):
             name = name[: -len(suffix)]

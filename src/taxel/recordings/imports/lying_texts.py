@@ -28,13 +28,13 @@ from taxel.recordings.imports.table_columns import (
 )
 from taxel.recordings.imports.table_form import (
     REMARK,
-    TEXT_ENDINGS,
     DecimalSign,
     cells_of,
     count_columns,
     find_form,
     is_missing,
     is_number,
+    is_text,
     is_whole,
 )
 from taxel.recordings.imports.tables import (
@@ -72,7 +72,7 @@ class _Lines:
 def lies(file: Path, axes: str) -> bool:
     """Return whether a row of the import table says that a text lies on its side."""
     words = tuple(axes.replace(",", " ").lower().split())
-    return words == AXES and file.name.lower().endswith(TEXT_ENDINGS)
+    return words == AXES and is_text(file.name)
 
 
 def may_lie(path: Path) -> bool:

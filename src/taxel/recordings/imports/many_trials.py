@@ -14,6 +14,7 @@ from pathlib import Path
 
 from taxel.errors import BadTable
 from taxel.foreign.array_files import ARRAY_ENDINGS, NAMED_ENDINGS
+from taxel.foreign.sheets import file_behind
 from taxel.foreign.wav_file import WAV_ENDING
 from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.class_names import named_classes, remark_on
@@ -23,7 +24,7 @@ from taxel.recordings.imports.stacks.members import STAR
 from taxel.recordings.imports.stacks.trials import ArrayTrials, StackWords
 from taxel.recordings.imports.table_columns import npy_shape
 from taxel.recordings.imports.table_files import file_of
-from taxel.recordings.imports.table_form import TEXT_ENDINGS
+from taxel.recordings.imports.table_form import is_text
 from taxel.recordings.imports.trial_lines import LineTrials
 from taxel.recordings.imports.trial_runs import TextTrials
 from taxel.recordings.imports.trial_sets import (
@@ -117,7 +118,7 @@ def trials_of(
     Raises:
         BadTable: The file is not there, or is not what the row says.
     """
-    if not file.is_file():
+    if not file_behind(file).is_file():
         raise BadTable("a file to import", f"{file}, which is not there", "check the path")
     row = _Row(named, data_dir, where, outside)
     references = {name: ref for name, cell in named.items()
@@ -233,7 +234,7 @@ def _names_as_values(source: TrialSet, named: Mapping[str, str], where: str) -> 
         if cell
         and _may_refer(name)
         and not cell.lower().startswith((FROM, STAR_CELL))
-        and (cell in source.names or cell.lower().endswith((*ARRAY_ENDINGS, *TEXT_ENDINGS)))
+        and (cell in source.names or (cell.lower().endswith(ARRAY_ENDINGS) or is_text(cell)))
         and name != "length"
     ]
 
@@ -262,7 +263,7 @@ def _from_stars(source: TrialSet, named: Mapping[str, str], where: str) -> dict[
 
 def _check_line_1(classes: Reference, cell: str, where: str) -> None:
     """Refuse a text of class names whose line 1 may be a name or the column's name."""
-    if classes.file.lower().endswith(TEXT_ENDINGS) and not classes.name:
+    if is_text(classes.file) and not classes.name:
         raise BadTable(
             f"the column of the classes' names, as in {classes.file}:object",
             f"{cell[:80]!r} in {where}",
@@ -295,7 +296,7 @@ def _opened(
 ) -> TrialSet:
     trials, channels = named.get("trials", ""), named.get("channels", "")
     time = named.get("time", "")
-    if file.name.lower().endswith(TEXT_ENDINGS):
+    if is_text(file.name):
         by_row = list(columns_by_row(named, where).values())
         if named.get("axes"):
             _refuse_rows(by_row, where)

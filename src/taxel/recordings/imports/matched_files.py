@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from taxel.errors import BadTable
+from taxel.foreign.sheets import file_behind, without_sheet
 from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.name_patterns import HIDDEN, FilePattern, NamePattern, pattern_of
 from taxel.recordings.imports.spelling import by_numbers, composed
@@ -124,9 +125,9 @@ def one_line_a_file(
 
 def _pattern(line: TableLine, data_dir: Path, outside: bool) -> FilePattern | None:
     cell = line.cells["file"]
-    if file_of(cell, data_dir, line.where, outside=outside).exists():
+    if file_behind(file_of(cell, data_dir, line.where, outside=outside)).exists():
         return None
-    pattern = pattern_of(cell, line.where)
+    pattern = pattern_of(without_sheet(cell), line.where)
     for column in pattern.columns if pattern else ():
         if line.cells.get(column):
             raise BadTable(
@@ -140,6 +141,7 @@ def _pattern(line: TableLine, data_dir: Path, outside: bool) -> FilePattern | No
 def _lines(line: TableLine, matches: Sequence[_Found]) -> list[TableLine]:
     """Return a line for each file that matches, with notes on how the names were read."""
     first = matches[0]
+    sheet = line.cells["file"].removeprefix(without_sheet(line.cells["file"]))
     twofold = [file for file in matches if file.values != file.others]
     count = f"{len(matches)} {'file matches' if len(matches) == 1 else 'files match'}"
     remark = (
@@ -154,7 +156,7 @@ def _lines(line: TableLine, matches: Sequence[_Found]) -> list[TableLine]:
         for file in twofold[:1]
     ]
     return [
-        replace(line, cells={**line.cells, "file": file.path}, values=file.values or {},
+        replace(line, cells={**line.cells, "file": file.path + sheet}, values=file.values or {},
                 remarks=(remark,), doubts=tuple(doubts))
         for file in matches
     ]  # fmt: skip
@@ -188,7 +190,7 @@ def _left_out(
 
     `least` stands before their number where not all of them were looked at.
     """
-    taken = {(data_dir / line.cells["file"]).resolve() for line in lines}
+    taken = {file_behind(data_dir / line.cells["file"]).resolve() for line in lines}
     left = [path for path in dict.fromkeys(beside) if (data_dir / path).resolve() not in taken]
     if not left:
         return []

@@ -95,6 +95,12 @@ class FileFacts:
     """Rows of NaN at its end, which were cut."""
     zeros: int = 0
     """Rows of zeros at its end, which were kept."""
+    pieces: int = 0
+    """Pieces that it was cut into; 0 where it stays whole."""
+    in_no_piece: int = 0
+    """Its rows that are in none of them."""
+    short: int = 0
+    """Its stretches that are shorter than a piece, and give none."""
     left_out: str = ""
     """Why it could not be read, and was left out; or empty."""
 
@@ -160,6 +166,7 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
                 "more files or arrays were read likewise"),
         *_first(list(dict.fromkeys(doubt for facts in files for doubt in facts.doubts)),
                 "more notes of this kind on other files"),
+        *_pieces([facts for facts in files if facts.pieces]),
         *_marked(files),
         *_paddings([facts for facts in files if facts.padding], len(files)),
         *_zeros([facts for facts in files if facts.zeros >= ZEROS], len(files)),
@@ -193,6 +200,22 @@ def _first(remarks: list[str], rest: str) -> list[str]:
         return remarks
     left = len(remarks) - MOST_REMARKS + 1
     return [*remarks[: MOST_REMARKS - 1], f"{left} {rest}"]
+
+
+def _pieces(files: Sequence[FileFacts]) -> list[str]:
+    if not files:
+        return []
+    pieces = sum(facts.pieces for facts in files)
+    left = sum(facts.in_no_piece for facts in files)
+    rest = f"; {number_of(left, 'row')} behind the last whole piece are in none" if left else ""
+    if short := sum(facts.short for facts in files):
+        is_ = "is" if short == 1 else "are"
+        rest += f"; {number_of(short, 'stretch')} {is_} shorter than a piece"
+    was = "recording was" if len(files) == 1 else "recordings were"
+    return [
+        f"{len(files)} {was} cut into {number_of(pieces, 'piece')}, each a trial{rest}; the group "
+        "cut_from names what a piece was cut from"
+    ]
 
 
 def _marked(files: Sequence[FileFacts]) -> list[str]:

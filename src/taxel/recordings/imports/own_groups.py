@@ -11,6 +11,10 @@ from taxel.errors import BadTable
 
 OWN_GROUPS = ("recording", "trial")
 """Groups that a trial has when it is read, whatever its recording says (labels/trials.py)."""
+CUT_FROM = "cut_from"
+"""Group of pieces (pieces.py): the recording, or stretch of it, that a piece was cut from."""
+PIECE = "piece_number"
+"""Group of pieces: which of the whole's pieces it is, from 1."""
 
 
 def refuse_own_groups(columns: Iterable[str], where: str) -> None:
@@ -25,9 +29,10 @@ def refuse_own_groups(columns: Iterable[str], where: str) -> None:
     """
     for column in columns:
         kind, _, name = column.partition(":")
-        if kind == "group" and name in OWN_GROUPS:
+        own = OWN_GROUPS if name in OWN_GROUPS else (CUT_FROM, PIECE)
+        if kind == "group" and name in own:
             raise BadTable(
-                "groups but recording and trial, which taxel fills in itself",
+                f"groups but {' and '.join(own)}, which taxel fills in itself",
                 f"{column!r} in {where}",
                 f"call it group:{name}_number, or leave it out",
             )

@@ -14,17 +14,19 @@ from pathlib import Path
 import numpy as np
 
 from taxel.errors import BadTable
+from taxel.foreign.sheets import file_behind
 from taxel.foreign.wav_file import WAV_ENDING
 from taxel.plain_text import number_of
 from taxel.recordings.imports import tables
 from taxel.recordings.imports.layouts import LayoutReader, find_layout
 from taxel.recordings.imports.lying_texts import HINT, may_lie, read_lying
 from taxel.recordings.imports.missing_marks import without_marked
+from taxel.recordings.imports.pieces import cut
 from taxel.recordings.imports.row_labels import marks_by_row
 from taxel.recordings.imports.row_times import BadTimes, check_time
 from taxel.recordings.imports.rows import ImportRow
 from taxel.recordings.imports.table_columns import text_cells
-from taxel.recordings.imports.table_form import TEXT_ENDINGS
+from taxel.recordings.imports.table_form import is_text
 from taxel.recordings.imports.tables import Column, Missing, Table, TimeColumn
 from taxel.recordings.imports.trial_runs import TextTrials
 from taxel.recordings.imports.trial_sets import Padding
@@ -40,10 +42,14 @@ class Content:
     samples: Samples
     """The table's values, as scans."""
     marks: tuple[Mark, ...]
-    """Of labels that stand in its rows."""
+    """Of labels that stand in its rows; or pieces."""
     padding: Padding
     marked: Mapping[str, int] = field(default_factory=dict)
     """Mark of missing values → how many there were; they are NaN in the table."""
+    in_no_piece: int = 0
+    """Rows behind the last whole piece."""
+    short: int = 0
+    """Stretches that are shorter than a piece."""
 
 
 def reader_of(
@@ -64,7 +70,7 @@ def reader_of(
     read = _table_reader(row, missing, bad_times, code_dir, allow_code=allow_code)
 
     def content() -> Content:
-        if not row.file.is_file():
+        if not file_behind(row.file).is_file():
             raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
         table, padding = read()
         values, marked = without_marked(table.values, row.missing)
@@ -74,6 +80,24 @@ def reader_of(
         return Content(table=table, samples=samples, marks=marks, padding=padding, marked=marked)
 
     return content
+
+
+def in_pieces(row: ImportRow, content: Content, wholes: Sequence[Mark]) -> Content:
+    """Return a row's content with its wholes as marks, cut into pieces where the row says so.
+
+    Args:
+        row: The row.
+        content: Of its file or trial.
+        wholes: Stretches of it; none where it is one whole.
+
+    Raises:
+        BadTable: No whole is long enough for a piece.
+    """
+    if row.pieces is None:
+        return replace(content, marks=tuple(wholes))
+    file = row.groups.get("file", row.file.name)
+    marks, left, short = cut(wholes, content.samples.fitted_s, row.pieces, file)
+    return replace(content, marks=marks, in_no_piece=left, short=short)
 
 
 def _table_reader(
@@ -109,7 +133,7 @@ def _text_or_array(
     try:
         return tables.read_table(row.file, columns, time, missing, bad_times=bad_times, but=but)
     except BadTable as error:
-        if not (row.file.name.lower().endswith(TEXT_ENDINGS) and may_lie(row.file)):
+        if not (is_text(row.file.name) and may_lie(row.file)):
             raise
         raise BadTable(error.needed, error.got, f"{error.mend}; {HINT}") from error
 

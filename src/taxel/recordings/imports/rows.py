@@ -21,11 +21,12 @@ from taxel.recordings.imports.lying_texts import lies
 from taxel.recordings.imports.many_trials import holds_many, refuse_words_of_many, trials_of
 from taxel.recordings.imports.matched_files import TableLine, one_line_a_file
 from taxel.recordings.imports.missing_marks import parse_marks
+from taxel.recordings.imports.pieces import Pieces, parse_pieces
 from taxel.recordings.imports.row_labels import ROWS, columns_by_row
 from taxel.recordings.imports.spelling import column_name
 from taxel.recordings.imports.table_columns import by_column
 from taxel.recordings.imports.table_files import file_of
-from taxel.recordings.imports.table_form import TEXT_ENDINGS, is_number
+from taxel.recordings.imports.table_form import is_number, is_text
 from taxel.recordings.imports.tables import LARGEST_VALUE
 from taxel.recordings.imports.trial_sets import Trial
 
@@ -50,6 +51,8 @@ class ImportRow:
     """Value from which a channel counts as saturated, in the channels' unit."""
     missing: tuple[str, ...] = ()
     """Numbers that mark missing values, as the table writes them."""
+    pieces: Pieces | None = None
+    """Length of the pieces that each recording is cut into; None where it stays whole."""
     details: Mapping[str, str] = field(default_factory=dict)
     """Kept with the sensor in the manifest."""
     lying: bool = False
@@ -231,7 +234,7 @@ def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
     by_row = columns_by_row(named, where)
     layout = named.get("layout", "") or "csv"
     lying = lies(file, named.get("axes", ""))
-    if by_row and (layout != "csv" or lying or not file.name.lower().endswith(TEXT_ENDINGS)):
+    if by_row and (layout != "csv" or lying or not is_text(file.name)):
         raise BadTable(f"a text for {ROWS}COLUMN, a scan in each line", f"{file.name} in {where}",
                        "write a table of intervals, and import with --intervals")  # fmt: skip
     labels = {n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")}
@@ -248,6 +251,7 @@ def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
         sensor=named.get("sensor", "") or "array",
         full_scale=_full_scale(named.get("full_scale", ""), where),
         missing=parse_marks(named.get("missing", ""), where),
+        pieces=parse_pieces(named.get("pieces", ""), where),
     )
 
 

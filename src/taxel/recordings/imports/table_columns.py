@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadFile, BadTable
 from taxel.foreign.archives import LONGEST_START, read_head
 from taxel.foreign.files import MIB, open_file, refuse_larger, size_of
+from taxel.foreign.sheets import is_sheet
 from taxel.foreign.text_lines import lines_of
 from taxel.plain_text import number_of
 from taxel.recordings.imports.table_form import (
@@ -241,7 +242,7 @@ def read_cells(path: Path) -> list[list[str]]:
     """
     text = "".join(_raw_lines(path, LARGEST_LIST))
     with_text = (line for line in io.StringIO(text) if line.strip() and line[0] != "#")
-    separator = max("\t;,", key=next(with_text, "").count)
+    separator = "\t" if is_sheet(path) else max("\t;,", key=next(with_text, "").count)
     rows, cells = [], 0
     try:
         for row in csv.reader(io.StringIO(text, newline=""), delimiter=separator):

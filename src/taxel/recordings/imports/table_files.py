@@ -10,6 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from taxel.errors import BadTable
+from taxel.foreign.sheets import file_behind, without_sheet
 
 
 def file_of(cell: str, data_dir: Path, where: str, *, outside: bool = False) -> Path:
@@ -26,9 +27,10 @@ def file_of(cell: str, data_dir: Path, where: str, *, outside: bool = False) -> 
     """
     try:
         path = data_dir / cell
-        inside = outside or path.resolve().is_relative_to(data_dir.resolve())
+        file = file_behind(path)
+        inside = outside or file.resolve().is_relative_to(data_dir.resolve())
         if inside:
-            path.exists()
+            file.exists()
     except (OSError, ValueError, RuntimeError) as error:  # too long, zero bytes, links in a ring
         raise BadTable("a file's name", f"{cell!r} in {where}", "correct it") from error
     if not inside:
@@ -49,7 +51,7 @@ def file_of(cell: str, data_dir: Path, where: str, *, outside: bool = False) -> 
 
 def _link_out(cell: str, data_dir: Path) -> str:
     """Return the part of a cell, from its beginning, that is a link out of the folder; or empty."""
-    parts = Path(cell).parts
+    parts = Path(without_sheet(cell)).parts
     if Path(cell).is_absolute() or ".." in parts:
         return ""
     inside = data_dir.resolve()

@@ -18,13 +18,15 @@ from itertools import chain
 from pathlib import Path
 
 from taxel.errors import BadTable
+from taxel.foreign.sheets import ENDING as SHEETS_ENDING
+from taxel.foreign.sheets import is_sheet, without_sheet
 from taxel.plain_text import visible
 from taxel.recordings.table_head import NO_VALUE, below_head, holds_units
 from taxel.recordings.time_stamps import is_stamp
 
 _ENDINGS = (".csv", ".tsv", ".txt", ".dat")
-TEXT_ENDINGS = (*(f"{ending}.gz" for ending in _ENDINGS), *_ENDINGS)
-"""Of the names of texts that hold tables of values."""
+TEXT_ENDINGS = (*(f"{ending}.gz" for ending in _ENDINGS), *_ENDINGS, SHEETS_ENDING)
+"""Of the names of texts that hold tables of values; sheets of workbooks are read as such."""
 BLANKS = " "
 """A separator: any number of blanks, also before the first cell and behind the last."""
 REMARK = "#"
@@ -225,6 +227,11 @@ def _is_value(cell: str) -> bool:
     return is_number(cell) or bool(_DECIMAL_COMMA.fullmatch(cell))
 
 
+def is_text(name: str) -> bool:
+    """Return whether a file's name is that of a text that holds a table, or of a sheet."""
+    return without_sheet(name).lower().endswith(TEXT_ENDINGS)
+
+
 def is_whole(name: str) -> bool:
     """Return whether a column's name can be its number."""
     return name.isascii() and name.isdecimal()
@@ -324,6 +331,8 @@ def _below_remarks(path: Path, lines: Iterator[str]) -> tuple[str, int, str]:
 
 def _separator(path: Path, first: str, second: str | None) -> str:
     """Return what separates: by the line below too, where decimal commas or blanks may be."""
+    if is_sheet(path):
+        return "\t"
     sample = first if second is None else second
     for separator in (";", "\t", BLANKS):
         cells = _split(sample, separator)

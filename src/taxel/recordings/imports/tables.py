@@ -33,7 +33,7 @@ from taxel.recordings.imports.table_columns import (
     text_columns,
     text_names,
 )
-from taxel.recordings.imports.table_form import TEXT_ENDINGS, column_places
+from taxel.recordings.imports.table_form import column_places, is_text
 
 Missing = Literal["refuse", "keep"]
 """What happens to empty cells, NaN and infinity: an error, or kept and flagged NOT_FINITE."""
@@ -204,12 +204,12 @@ def read_table(
         if time.column is not None:
             refuse_stamps(time.column, str(path))
         text = TextColumns(values=npy_columns(path, wanted), first_line=1)
-    elif ending.endswith(TEXT_ENDINGS):
+    elif is_text(path.name):
         text = text_columns(path, wanted, stamps, but)
     else:
         raise BadTable(
-            "a .csv, .tsv, .txt or .dat file, packed as .gz or not, .wav, .npy, .npz, .mat, .h5 or "
-            ".hdf5",
+            "a .csv, .tsv, .txt or .dat file, packed as .gz or not, .xlsx, .wav, .npy, .npz, .mat, "
+            ".h5 or .hdf5",
             str(path),
             "save it as one of them, or name a function of yours that reads it, as "
             "module.py:function, in the column 'layout'",
@@ -229,8 +229,8 @@ def read_table(
     )
     if in_trials or time.column is None:
         return table
-    is_text = ending.endswith(TEXT_ENDINGS)
-    return table.without(check_time(path, table.time_s, bad_times, first_line, text=is_text))
+    text_lines = is_text(path.name)
+    return table.without(check_time(path, table.time_s, bad_times, first_line, text=text_lines))
 
 
 def check_values(
@@ -278,7 +278,7 @@ def _all_columns(
         names: Sequence[str] = (
             [str(number) for number in range(1, count + 1)] if count <= MOST_CHANNELS + 1 else ()
         )
-    elif ending.endswith(TEXT_ENDINGS):
+    elif is_text(path.name):
         names = text_names(path, names_of([], time), but)
     else:
         return columns

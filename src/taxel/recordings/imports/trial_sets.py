@@ -32,6 +32,7 @@ from taxel.foreign.held_arrays import (
     sides_of,
     table_of,
 )
+from taxel.foreign.sheets import file_behind
 from taxel.plain_text import visible
 from taxel.recordings.imports.row_times import BadTimes
 from taxel.recordings.imports.table_columns import read_cells
@@ -144,7 +145,8 @@ class Reference:
 def _place(name: str) -> Reference:
     """Return what FILE:NAME, FILE or NAME means."""
     endings = "|".join(map(re.escape, (*TEXT_ENDINGS, *ARRAY_ENDINGS)))
-    match = re.fullmatch(rf"(.+?(?:{endings}))(?::(.*))?", name, re.IGNORECASE)
+    sheet = r"(?:(?<=\.xlsx)\[[^\[\]]+\])?"
+    match = re.fullmatch(rf"(.+?(?:{endings}){sheet})(?::(.*))?", name, re.IGNORECASE)
     return Reference("", name) if match is None else Reference(match[1], (match[2] or "").strip())
 
 
@@ -225,7 +227,7 @@ def values_beside(path: Path, name: str) -> list[str]:
     Raises:
         BadTable: There is no such thing in it.
     """
-    if not path.is_file():
+    if not file_behind(path).is_file():
         raise BadTable("a file of values", f"{path}, which is not there", "check the path")
     if not path.name.lower().endswith(ARRAY_ENDINGS):
         return _column_of(path, name)
