@@ -17,8 +17,8 @@ from taxel.evaluation.audit.evidence import SURE, sign_p, trial_folds
 from taxel.evaluation.audit.finding import LITTLE, Finding
 from taxel.evaluation.audit.shared import Partners, commonest, looked_up
 from taxel.evaluation.audit.sides import Sides
-from taxel.evaluation.audit.touch_set import LEAST_ROWS, SESSIONS, Pieces, TouchSet
-from taxel.labels.trials import OBJECTS
+from taxel.evaluation.audit.touch_set import LEAST_ROWS, Pieces, TouchSet
+from taxel.labels.trials import OBJECTS, SESSIONS
 from taxel.plain_text import number_of, several
 
 COPIES_UNKNOWN = Finding(

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from taxel.evaluation.audit.case import Case
 from taxel.evaluation.audit.evidence import majority
 from taxel.evaluation.audit.finding import Finding
-from taxel.evaluation.audit.touch_set import SESSIONS, TIMES
-from taxel.labels.trials import OBJECTS
+from taxel.labels.trials import OBJECTS, SESSIONS, TIMES
 from taxel.plain_text import several
 
 Partners = Sequence[NDArray[np.intp]]
