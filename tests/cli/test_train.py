@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import tyro
 
@@ -10,6 +11,7 @@ from taxel.cli.main import main
 from taxel.cli.recordings.simulate.teng import Teng
 from taxel.cli.training.train import Train
 from taxel.errors import BadInput
+from taxel.evaluation.metrics import Scores, near_chance, score
 from taxel.evaluation.run_scores import (
     GroupInterval,
     baseline_warning,
@@ -91,28 +93,50 @@ def test_a_network_stands_clear_where_its_whole_interval_does_and_runs_could_be_
     assert (few_groups("session", groups) is None) == (groups > 5)
 
 
+def scores_of(confusion: list[list[int]]) -> Scores:
+    """Return scores of predictions of which each is sure."""
+    pairs = [(c, named) for c, row in enumerate(confusion) for named, n in enumerate(row)
+             for _ in range(n)]  # fmt: skip
+    y, named = np.array(pairs).T
+    return score(y, np.eye(len(confusion))[named])
+
+
 @pytest.mark.parametrize(
-    ("accuracy", "trivial", "words"),
+    ("confusion", "trivial", "words"),
     [
-        (0.4, {"majority": 0.5, "session": 0.5}, "“majority” (50.0 %): nothing was learned that "
-         "holds on the tested days; train longer, or record more days"),
-        (0.4, {"majority": 0.5, "session": 0.8}, "“session” (80.0 %): nothing was learned that "
-         "holds on the tested days, as the majority class alone gives 50.0 %; train longer"),
-        (0.7, {"majority": 0.5, "channel means": 0.7}, "“channel means” (70.0 %): do not claim "
-         "this accuracy for more than the channels' means; train longer"),
-        (0.7, {"majority": 0.5, "session": 0.8}, "“session” (80.0 %): do not claim this accuracy; "
-         "run taxel audit to see whether something gives the label away, train longer"),
+        ([[40, 10], [50, 0]], {"majority": 0.5, "session": 0.5}, "“majority” (50.0 %): not better "
+         "than always naming the commonest class, with a balanced accuracy of 40.0 % (chance 50.0 "
+         "%): nothing was learned that holds on the tested days; train longer, or record more "
+         "days"),
+        ([[40, 10], [50, 0]], {"majority": 0.5, "session": 0.8}, "“session” (80.0 %): not better "
+         "than always naming the commonest class (50.0 %), with a balanced accuracy of 40.0 % "),
+        ([[70, 5, 5], [3, 7, 0], [3, 0, 7]], {"majority": 0.85}, "“majority” (85.0 %): not better "
+         "than always naming the commonest class, with a balanced accuracy of 75.8 % (chance 33.3 "
+         "%); train longer"),
+        ([[8, 2], [0, 0]], {"majority": 1.0}, "always naming the commonest class; train longer"),
+        ([[35, 15], [15, 35]], {"majority": 0.5, "channel means": 0.7}, "“channel means” (70.0 %): "
+         "do not claim this accuracy for more than the channels' means; train longer"),
+        ([[35, 15], [15, 35]], {"majority": 0.5, "session": 0.8}, "“session” (80.0 %): do not "
+         "claim this accuracy; run taxel audit to see whether something gives the label away, "
+         "train longer"),
     ],
 )  # fmt: skip
 def test_a_warning_sends_to_the_audit_only_where_a_baseline_that_hardly_sees_touch_is_as_good(
-    accuracy: float, trivial: dict[str, float], words: str
+    confusion: list[list[int]], trivial: dict[str, float], words: str
 ):
-    """An accuracy below the majority class is no sign of a leak: nothing was learned."""
-    line = baseline_warning("net", accuracy, GroupInterval(0.1, 0.9, 9), "day", trivial)
+    """An accuracy below the majority class is no sign of a leak: it may be that nothing was
+    learned, though not where rare classes are found. Of one class nothing is known.
+    """
+    line = baseline_warning("net", scores_of(confusion), GroupInterval(0.1, 0.9, 9), "day", trivial)
 
     assert line is not None
     assert words in line
     assert ("audit" in line) == ("audit" in words)
+
+
+@pytest.mark.parametrize(("balanced", "near"), [(0.3, True), (0.366, True), (0.367, False)])
+def test_near_chance_is_up_to_a_tenth_above_it(balanced: float, near: bool):
+    assert near_chance(balanced, 3) is near
 
 
 @pytest.mark.parametrize(

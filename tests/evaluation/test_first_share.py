@@ -206,7 +206,11 @@ def test_by_class_each_class_needs_two_numbers():
                     np.repeat(["mug", "can"], [3, 2]), "70%", by_class=True)  # fmt: skip
 
 
-@pytest.mark.parametrize("key", ["session", "day", "object"])
+@pytest.mark.parametrize(
+    "key",
+    ["session", "day", "object", "date", "operator", "participant", "user", "run", "block", "Day",
+     "file", "recording", "cut_from"],
+)  # fmt: skip
 def test_by_class_no_session_may_be_on_both_sides(key: str):
     """Takes may: take 8 of one class is another recording than take 8 of another."""
     with pytest.raises(BadSplit, match=f"each {key} on one side; got 8 on both"):

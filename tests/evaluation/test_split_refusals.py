@@ -241,3 +241,17 @@ def test_classes_that_are_tested_and_not_learned_are_all_named() -> None:
         "every tested class of 'shape' in the training part of own", "none of c1, c2",
         "train on it too, or leave it out of the test part",
     )  # fmt: skip
+
+
+def test_more_folds_of_groups_than_windows_of_a_class_are_refused() -> None:
+    """scikit-learn refuses them too, without saying what helps; each group once is no such case."""
+    dataset = make_dataset(sessions=20, trials_a_session=1, windows_a_trial=1, classes=2)
+    dataset = with_shapes(dataset, ["can", "mug"] * 10)
+    assert len(by_group(dataset, "shape", "session", 20, 0).folds) == 20
+    with pytest.raises(BadSplit) as caught:
+        by_group(dataset, "shape", "session", 19, 0)
+
+    assert words_of(caught.value) == (
+        "at least 19 windows of a class for 19 folds", "10 at most", "choose at most 10 folds"
+    )  # fmt: skip
+    assert len(by_group(dataset, "shape", "session", 10, 0).folds) == 10

@@ -46,7 +46,7 @@ def warning(checked: Checked) -> str | None:
     pooled = checked.pooled
     return baseline_warning(
         checked.recipe.model,
-        pooled.scores.accuracy,
+        pooled.scores,
         GroupInterval(*pooled.interval, pooled.interval_groups),
         pooled.interval_group,
         checked.trivial,

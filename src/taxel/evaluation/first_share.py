@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.labels.trials import USUAL_GROUPS, as_numbers
+from taxel.labels.trials import TOGETHER, as_numbers
 
 BY_CLASS = "by-class"
 """Behind a share: of each class the first trials, by its own numbers."""
@@ -104,7 +104,7 @@ def _check_by_class(
                 f"{only[0]:g} only for {own}", "record more of it, or leave it out",
             )  # fmt: skip
     both = sorted(set(numbers[early].tolist()) & set(numbers[~early].tolist()))
-    if both and key in USUAL_GROUPS:
+    if both and key.casefold() in TOGETHER:
         raise BadSplit(
             f"each {key} on one side", f"{both[0]:g} on both, as classes are parted by themselves",
             f"leave {BY_CLASS} out, or number the trials of each class in another group",

@@ -17,6 +17,10 @@ LEAST_PROBABILITY = 1e-7
 """Probabilities are clipped to this before the logarithm. Source: Keras' epsilon, as the
 thesis's losses are Keras'."""
 
+_NEAR = 1.1
+"""Up to this times chance, a balanced accuracy is near it. Source: our choice,
+docs/decisions/0025."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scores:
@@ -35,6 +39,17 @@ class Scores:
     """Mean over classes."""
     confusion: list[list[int]]
     """Rows: true class; columns: predicted class."""
+
+    @property
+    def balanced(self) -> float:
+        """Mean of the recalls of the classes that were tested, 0…1: balanced accuracy."""
+        return float(np.mean([row[c] / sum(row) for c, row in enumerate(self.confusion)
+                              if any(row)]))  # fmt: skip
+
+    @property
+    def tested(self) -> int:
+        """How many classes were tested."""
+        return sum(map(any, self.confusion))
 
 
 def score(y: NDArray[np.intp], probabilities: NDArray[np.float64]) -> Scores:
@@ -60,6 +75,19 @@ def score(y: NDArray[np.intp], probabilities: NDArray[np.float64]) -> Scores:
         f1=float(f1),
         confusion=confusion_matrix(y, predicted, labels=range(classes)).tolist(),
     )
+
+
+def near_chance(balanced: float, classes: int) -> bool:
+    """Return whether a balanced accuracy is at most a tenth above what one answer for all gives.
+
+    Always naming the commonest class of unequal ones gives a high accuracy, and this one the same
+    as any other constant answer: 1 / classes.
+
+    Args:
+        balanced: Mean of the classes' recalls, 0…1.
+        classes: How many; of a single one nothing is to be distinguished: False.
+    """
+    return classes > 1 and balanced <= _NEAR / classes
 
 
 def cross_entropy(y: NDArray[np.intp], probabilities: NDArray[np.float64]) -> float:

@@ -73,7 +73,7 @@ class Nested:
             least = least_of_all_right(self.by_trial.trials)
             interval = replace(interval, low=min(interval.low, least))
         return baseline_warning(
-            "what was chosen", scores.scores.accuracy, interval, scores.group, self.trivial
+            "what was chosen", scores.scores, interval, scores.group, self.trivial
         )
 
 

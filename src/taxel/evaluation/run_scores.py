@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from taxel.decisions.recognition import RecogniseConfig
-from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
+from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, near_chance, score
 from taxel.evaluation.paired import LEVEL, coarsest_of, smallest_p, tested_of
 from taxel.labels.trials import lone_group
 from taxel.plain_text import number_of, several
@@ -187,7 +187,7 @@ def beside_baselines(
 
 def baseline_warning(
     name: str,
-    accuracy: float,
+    scores: Scores,
     interval: GroupInterval,
     group: str,
     trivial: Mapping[str, float],
@@ -195,42 +195,43 @@ def baseline_warning(
     """Return a warning where an accuracy does not stand clear of trivial baselines.
 
     Args:
-        name: Whose accuracy it is.
-        accuracy: 0…1.
-        interval: Its own.
+        name: Whose scores they are.
+        scores: Its own.
+        interval: Of its accuracy.
         group: What was resampled for that.
         trivial: Baseline → accuracy, 0…1; at least one.
     """
-    shown = f"{name} ({accuracy:.1%})".replace("%", " %")
-    standing, comparison = beside_baselines(shown, accuracy, interval, group, trivial)
+    shown = f"{name} ({scores.accuracy:.1%})".replace("%", " %")
+    standing, comparison = beside_baselines(shown, scores.accuracy, interval, group, trivial)
     more = f"record more {several(group)}"
     mend = {
-        "behind": f"{_meaning(accuracy, group, trivial)}train longer, or {more}",
+        "behind": f"{_meaning(scores, group, trivial)}train longer, or {more}",
         "near": f"the difference may be chance; {more}",
         "few": "record more of them",
     }
     return f"{comparison}: {mend[standing]}" if standing in mend else None
 
 
-def _meaning(accuracy: float, group: str, trivial: Mapping[str, float]) -> str:
+def _meaning(scores: Scores, group: str, trivial: Mapping[str, float]) -> str:
     """Return what is known of an accuracy that is no better than the best trivial baseline.
 
-    Below the majority class nothing was learned; that is no sign of a leak. Only where a baseline
-    that hardly sees touch is as good may something give the label away, which the audit finds out.
+    Below the majority class it is no sign of a leak, and nothing was learned if the balanced
+    accuracy is near chance too. Only where a baseline that hardly sees touch is as good may
+    something give the label away, which the audit finds out.
 
     Args:
-        accuracy: 0…1.
+        scores: Whose accuracy it is.
         group: What was resampled for its interval.
         trivial: Baseline → accuracy, 0…1; at least one.
     """
     from taxel.evaluation.baselines import MAJORITY, SEES_TOUCH  # loads scikit-learn
 
     best, majority = max(trivial, key=lambda what: trivial[what]), trivial.get(MAJORITY, -1.0)
-    if accuracy <= majority:
-        than = f", as the majority class alone gives {100 * majority:.1f} %"
+    if scores.accuracy <= majority:
+        share = "" if best == MAJORITY else f" ({100 * majority:.1f} %)"
         return (
-            f"nothing was learned that holds on the tested {several(group)}"
-            f"{'' if best == MAJORITY else than}; "
+            f"not better than always naming the commonest class{share}"
+            f"{learned_note(scores.balanced, scores.tested, group)}; "
         )
     if best in SEES_TOUCH:
         return "do not claim this accuracy for more than the channels' means; "
@@ -238,6 +239,22 @@ def _meaning(accuracy: float, group: str, trivial: Mapping[str, float]) -> str:
         "do not claim this accuracy; run taxel audit to see whether something gives the label "
         "away, "
     )
+
+
+def learned_note(balanced: float, classes: int, group: str) -> str:
+    """Return what balanced accuracy shows of a model that is no better than the commonest class.
+
+    Args:
+        balanced: Mean of the classes' recalls, 0…1.
+        classes: How many; of a single one nothing is shown.
+        group: What was held out, such as "session".
+    """
+    if classes < 2:
+        return ""
+    figures = f", with a balanced accuracy of {100 * balanced:.1f} % (chance {100 / classes:.1f} %)"
+    if near_chance(balanced, classes):
+        return f"{figures}: nothing was learned that holds on the tested {several(group)}"
+    return figures
 
 
 def unnamed_line(predictions: Predictions) -> str | None:

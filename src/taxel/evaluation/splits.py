@@ -173,8 +173,8 @@ def by_group(
         final: True keeps the last group (by name) out of all folds for a last test.
 
     Raises:
-        BadSplit: Fewer than two folds, a class has one group only, or a training part
-            would lack a class.
+        BadSplit: Fewer than two folds, or more than the windows of every class; a class has one
+            group only, or a training part would lack a class.
     """
     _check_folds(folds)
     groups = dataset.group(key)
@@ -333,10 +333,12 @@ def _group_folds(
     windows = np.flatnonzero(np.isin(dataset.trial, rest))
     y = dataset.class_numbers(target)[windows]
     owners = groups[dataset.trial[windows]]
+    most, count = int(np.bincount(y).max()), min(folds, len(names))
+    if count > most:  # scikit-learn refuses that too
+        raise BadSplit(f"at least {count} windows of a class for {count} folds",
+                       f"{most} at most", f"choose at most {most} folds")  # fmt: skip
     for attempt in range(_TRIES):
-        splitter = StratifiedGroupKFold(
-            min(folds, len(names)), shuffle=True, random_state=seed + 1000 * attempt
-        )
+        splitter = StratifiedGroupKFold(count, shuffle=True, random_state=seed + 1000 * attempt)
         held = [set(owners[out]) for _, out in splitter.split(y, y, owners)]
         parts = [
             _fold(f"fold {i}", rest[~np.isin(groups[rest], list(out))],

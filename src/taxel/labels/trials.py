@@ -19,10 +19,20 @@ from taxel.signals import Mark
 
 OBJECTS = ("object", "cup", "item", "specimen")
 """Groups that say what was touched; they may well predict the class."""
+SESSIONS = (
+    "session", "sitting", "power_on", "day", "date", "visit", "operator", "person", "subject",
+    "participant", "user", "lab", "rig", "station", "sensor", "device", "pad", "gel", "batch",
+)  # fmt: skip
+"""Groups that say where, when or by whom a trial was recorded; they must predict no class."""
+TIMES = SESSIONS[:6]
+"""Those that say when: what was recorded together is alike, whoever held it."""
 USUAL_GROUPS = (*OBJECTS, "session", "sitting", "day", "person", "subject")
 """Groups that people part trials by: named first where others part them alike."""
 _COARSE = ("session", "file", "recording", CUT_FROM)
 """Groups that hold several trials, those that hold the most first."""
+TOGETHER = frozenset((*SESSIONS, *OBJECTS, *_COARSE, "run", "block"))
+"""Groups of which trials of one value belong together, whatever their class: one day is the same
+day for two classes, though take 8 of one is another than take 8 of the other. Lower case."""
 TIME = "time"
 """In place of a group, unless one is called so: when a trial of a recording begins, seconds."""
 

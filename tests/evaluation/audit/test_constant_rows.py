@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from taxel.evaluation.audit.audit import audit
+from taxel.evaluation.audit import copy_findings
+from taxel.evaluation.audit.audit import audit, make_case
+from taxel.evaluation.audit.constant_rows import constant_rows
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.sides import named_sides
 from taxel.evaluation.audit.touch_set import TouchSet, usual_steps
@@ -100,6 +102,47 @@ def test_rows_shared_in_part_are_called_so_with_their_share(make_set: Make, rows
 
     beside = found_in(with_rows(touch, {1: part, 7: touch.rows[2]}))["duplicates"]
     assert f"hold the same rows, 1 of 2 pairs only in part, {share}" in beside.message
+
+
+@pytest.mark.parametrize(
+    ("share", "words", "example"),
+    [
+        (0.996, "99.6 %", "99.6 %"),
+        (0.99996, "99.9 %", "99.9 %"),
+        (0.9944, "99 %", "99.4 %"),
+        (0.004, "0.4 %", "0.4 %"),
+        (0.0004, "0.1 %", "0.1 %"),
+    ],
+)
+def test_no_part_is_rounded_to_all_or_to_nothing(
+    make_set: Make, monkeypatch: pytest.MonkeyPatch, share: float, words: str, example: str
+) -> None:
+    monkeypatch.setattr(copy_findings, "rows_in_common", lambda *_: {(0, 1): share})
+    case = make_case(make_set["array"](), None, 10, 0)
+    found = copy_findings.shared_rows(case, {(0, 1): 1.0})
+
+    assert f"hold in part the same rows, {words} of the shorter one's" in found.message
+    assert f"({example} of the rows in common" in found.examples[0]
+
+
+def test_what_each_side_holds_is_looked_up_once_a_fold(make_set: Make) -> None:
+    """Not once for each set of equal trials, of which there may be thousands."""
+    touch = make_set["array"]()
+    changed = {trial: np.full((40, 6), trial // 2, np.float32) for trial in range(20)}
+    pieces, sides = named_sides(touch, "group:session", 10, 5, 0)
+    read = []
+
+    class Counted(np.ndarray):  # type: ignore[type-arg]
+        def __getitem__(self, index):  # type: ignore[no-untyped-def]
+            read.append(index)
+            return super().__getitem__(index)
+
+    case = make_case(with_rows(touch, changed), (pieces, sides), 10, 0)
+    counted = replace(pieces, trial=pieces.trial.view(Counted))
+    found = constant_rows(replace(case, pieces=counted), [])
+
+    assert "20 trials hold the same constant rows" in found.message
+    assert len(read) == 2 * len(sides.folds)
 
 
 def test_all_rows_of_the_shorter_trial_are_the_same_rows(make_set: Make) -> None:

@@ -3,13 +3,16 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from taxel.errors import BadSplit
 from taxel.evaluation.audit.audit import make_case
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.shared import one_class_folds
 from taxel.evaluation.audit.sides import named_sides
 from taxel.evaluation.audit.touch_set import TouchSet
+from taxel.evaluation.splits import Split
 
 Make = dict[str, Callable[..., TouchSet]]
 
@@ -46,15 +49,69 @@ def test_positions_of_one_class_each_name_a_fold_count_that_mends_it(
     assert found_with(touch, each + 1).verdict == "leak"
 
 
+def in_groups(touch: TouchSet, names: list[str]) -> TouchSet:
+    """Return the first trials, each at the position that is named for it."""
+    some = touch.only(np.arange(len(names)))
+    return replace(some, trials=tuple(
+        replace(trial, groups={**trial.groups, "position": name})
+        for trial, name in zip(some.trials, names, strict=True)
+    ))  # fmt: skip
+
+
 def test_where_no_fold_count_mends_it_that_is_stated(make_set: Make) -> None:
-    """As where 50 ways to make fewer folds all leave a training part without a class."""
+    """One position holds nearly all of a class, another both, a third the other class: two folds
+    put the first two together, since so their shares of classes are most alike.
+    """
+    touch = make_set["array"](classes=2)
+    zero, other = np.flatnonzero(touch.y == 0), np.flatnonzero(touch.y == 1)[:2]
+    names = ["a"] * (len(zero) - 1) + ["both", "both", "b"]
+    touch = in_groups(touch.only(np.array([*zero, *other])), names)
+    _, sides = named_sides(touch, "group:position", 10, 3, 0)
+    found = found_with(touch, 3)
+
+    assert sides.fold_count == 0
+    assert found.verdict == "leak"
+    assert "no smaller --fold-count was found that mends it" in found.mend
+    assert "hold out another group" in found.mend
+
+
+def test_where_no_fold_count_was_tried_none_is_denied(make_set: Make) -> None:
     touch = at_positions(make_set["array"](classes=2), [["a", "b"], ["c", "d"]])
     pieces, sides = named_sides(touch, "group:position", 10, 4, 0)
     assert sides.fold_count == 2
     found = one_class_folds(make_case(touch, (pieces, replace(sides, fold_count=None)), 10, 0))
 
-    assert "no smaller --fold-count mends it" in found.mend
-    assert "hold out another group" in found.mend
+    assert found.mend == "hold out another group, or record several classes in each position. " \
+                         "Or pool the folds' predictions"  # fmt: skip
+
+
+def test_each_trial_may_be_a_group(make_set: Make) -> None:
+    """scikit-learn refuses 19 folds of ten trials a class: such counts are not tried."""
+    touch = in_groups(make_set["array"](classes=2), [f"{i:02d}" for i in range(20)])
+    assert np.bincount(touch.y).tolist() == [10, 10]
+    found = found_with(replace(touch, rows=tuple(rows[:10] for rows in touch.rows)), 20)
+
+    assert found.mend.startswith("choose --fold-count 10, ")
+
+
+def test_no_more_fold_counts_are_tried_than_may_test_several_classes(
+    make_set: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of groups of one class each two are needed; of very many counts some are left out."""
+    tried: list[int] = []
+
+    def refused(_: object, target: str, key: str, count: int, seed: int) -> Split:
+        tried.append(count)
+        raise BadSplit("a", "b", "c")
+
+    monkeypatch.setattr("taxel.evaluation.audit.sides.by_group", refused)
+    touch = make_set["array"](classes=2)
+    found_with(in_groups(touch, [f"{i // 2}" for i in range(40)]), 20)  # four hold both classes
+    assert tried == [*range(4 + 16 // 2, 1, -1)]
+    tried.clear()
+    found_with(in_groups(touch, [f"{i:02d}" for i in range(60)]), 60)
+
+    assert (len(tried), tried[0], tried[-1]) == (16, 30, 2)
 
 
 def test_folds_of_other_splits_keep_their_words(make_set: Make) -> None:

@@ -46,7 +46,6 @@ from taxel.evaluation.audit.shared import (
 from taxel.evaluation.audit.sides import Sides
 from taxel.evaluation.audit.single import is_single, single_facts
 from taxel.evaluation.audit.touch_set import (
-    SESSIONS,
     Pieces,
     TouchSet,
     counts,
@@ -56,6 +55,7 @@ from taxel.evaluation.audit.touch_set import (
     usual_steps,
 )
 from taxel.labels.class_order import figures_as_classes
+from taxel.labels.trials import SESSIONS
 
 STEPS = 10
 """How often `audit` says what it looks for."""

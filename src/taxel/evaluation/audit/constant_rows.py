@@ -89,9 +89,9 @@ def _crossing(case: Case, sets: Sequence[Sequence[int]]) -> int:
     assert case.sides is not None
     trial, found = case.pieces.trial, set[int]()
     for train, test in case.sides.folds:
-        for own in sets:
-            tested = set(own) & set(trial[test].tolist())
-            trained = set(own) & set(trial[train].tolist())
+        in_training, in_test = set(trial[train].tolist()), set(trial[test].tolist())
+        for own in map(set, sets):
+            tested, trained = own & in_test, own & in_training
             found |= {t for t in tested if trained - {t}}
     return len(found)
 

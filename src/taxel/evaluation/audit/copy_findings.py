@@ -17,8 +17,8 @@ from taxel.evaluation.audit.evidence import SURE, sign_p, trial_folds
 from taxel.evaluation.audit.finding import LITTLE, Finding
 from taxel.evaluation.audit.shared import Partners, commonest, looked_up
 from taxel.evaluation.audit.sides import Sides
-from taxel.evaluation.audit.touch_set import LEAST_ROWS, SESSIONS, Pieces, TouchSet
-from taxel.labels.trials import OBJECTS
+from taxel.evaluation.audit.touch_set import LEAST_ROWS, Pieces, TouchSet
+from taxel.labels.trials import OBJECTS, SESSIONS
 from taxel.plain_text import number_of, several
 
 COPIES_UNKNOWN = Finding(
@@ -26,6 +26,9 @@ COPIES_UNKNOWN = Finding(
     message="Values change in so few steps that copies cannot be distinguished from chance.",
     mend="record finer steps, longer trials or more channels",
 )  # fmt: skip
+
+_NO_SHARE = 1e-6
+"""A share nearer to 0 or 1 is none or all: hides rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +138,7 @@ def shared_rows(case: Case, pairs: Pairs) -> Finding:
             case, "duplicates", {}, "share a fifth or more of the rows that change"
         )
     shares = rows_in_common(case.touch, pairs)
-    part = [f"{100 * share:.0f}" for share in sorted(shares.values()) if share < 1.0]
+    part = [_percent(share, 0) for share in sorted(shares.values()) if share < 1.0]
     if not part:
         return shared_copies(case, "duplicates", shares, "hold the same rows")
     share = f"{' % to '.join(dict.fromkeys((part[0], part[-1])))} % of the shorter one's"
@@ -144,6 +147,14 @@ def shared_rows(case: Case, pairs: Pairs) -> Finding:
         words = f"hold in part the same rows, {share}"
     found = shared_copies(case, "duplicates", shares, words)
     return replace(found, mend=f"find out how rows of one trial came into another; {found.mend}")
+
+
+def _percent(share: float, decimals: int) -> str:
+    """Return a share, 0…1, in per cent; of one that is neither none nor all never 0 or 100."""
+    text = f"{100 * share:.{decimals}f}"
+    if 0.0 < float(text) < 100.0 or not _NO_SHARE < share < 1.0 - _NO_SHARE:
+        return text
+    return f"{min(max(100 * share, 0.1), 99.9):.1f}"
 
 
 def _gains(case: Case, copies: _CopiesOnSides, copies_of: Mapping[int, set[int]]) -> list[int]:
@@ -347,7 +358,7 @@ def _examples(
     """Return the pairs to name, each with how much of it is alike."""
     names = _named(touch, pairs)
     return tuple(
-        f"{names[a]} and {names[b]} ({100 * pairs[a, b]:.1f} % {alike}"
+        f"{names[a]} and {names[b]} ({_percent(pairs[a, b], 1)} % {alike}"
         + (", on one side)" if parted and (a, b) not in parted else ")")
         for a, b in _foremost(touch, pairs, parted)
     )

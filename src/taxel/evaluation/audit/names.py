@@ -15,9 +15,8 @@ from itertools import combinations
 
 from taxel.evaluation.audit.case import Case
 from taxel.evaluation.audit.finding import Finding
-from taxel.evaluation.audit.touch_set import SESSIONS
 from taxel.labels.class_order import in_order
-from taxel.labels.trials import OBJECTS
+from taxel.labels.trials import OBJECTS, SESSIONS
 
 KIND = "near-duplicate names"
 LEAST_LETTERS = 5

@@ -23,7 +23,7 @@ from taxel.evaluation.audit.finding import Finding, Verdict
 from taxel.evaluation.audit.gaps import Gap
 from taxel.evaluation.audit.nuisances import sum_up
 from taxel.evaluation.audit.orders import Order, later_split, order_of
-from taxel.evaluation.audit.touch_set import SESSIONS
+from taxel.labels.trials import SESSIONS
 
 LEAST_CELL, LEAST_LATE = 4, 8
 """Trials of a class (in a session) that can be halved, and later trials in all, at least. Source:

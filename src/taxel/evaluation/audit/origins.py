@@ -17,9 +17,8 @@ from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.evidence import LabelEvidence, evidence_of, look_up, predict
 from taxel.evaluation.audit.finding import Verdict
 from taxel.evaluation.audit.orders import NUMBERS, recorded_order
-from taxel.evaluation.audit.touch_set import SESSIONS
 from taxel.labels.class_order import in_order
-from taxel.labels.trials import OBJECTS, Trial
+from taxel.labels.trials import OBJECTS, SESSIONS, Trial
 from taxel.plain_text import several
 
 FINGERPRINT = 0.9

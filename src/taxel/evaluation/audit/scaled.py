@@ -17,8 +17,9 @@ from taxel.errors import BadInput
 from taxel.evaluation.audit.case import Case, rows_folds
 from taxel.evaluation.audit.evidence import majority
 from taxel.evaluation.audit.finding import Finding
-from taxel.evaluation.audit.touch_set import SESSIONS, TouchSet
+from taxel.evaluation.audit.touch_set import TouchSet
 from taxel.foreign.json_text import Fields, read_json
+from taxel.labels.trials import SESSIONS
 from taxel.plain_text import number_of
 
 _NEAR = 1e-3

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from taxel.evaluation.audit.case import Case
 from taxel.evaluation.audit.evidence import majority
 from taxel.evaluation.audit.finding import Finding
-from taxel.evaluation.audit.touch_set import SESSIONS, TIMES
-from taxel.labels.trials import OBJECTS
+from taxel.labels.trials import OBJECTS, SESSIONS, TIMES
 from taxel.plain_text import several
 
 Partners = Sequence[NDArray[np.intp]]
@@ -169,11 +168,12 @@ def _of_groups(case: Case) -> tuple[str, str]:
     why = f" {single} of {len(names)} {several(key)} hold one class each, and the split makes " \
           f"{folds} folds of them: accuracy in such a fold shows how often that class is named, " \
           "not whether classes are distinguished."  # fmt: skip
-    if count is None:
-        return why, f"hold out another group, or record several classes in each {key}: no " \
-                    f"smaller --fold-count mends it. Or pool the folds' predictions"  # fmt: skip
-    return why, f"choose --fold-count {count}, the most with which each fold tests several " \
-                f"classes; or record several classes in each {key}"  # fmt: skip
+    if count:
+        return why, f"choose --fold-count {count}, the most found with which each fold tests " \
+                    f"several classes; or record several classes in each {key}"  # fmt: skip
+    mend = f"hold out another group, or record several classes in each {key}"
+    searched = ": no smaller --fold-count was found that mends it" if count == 0 else ""
+    return why, f"{mend}{searched}. Or pool the folds' predictions"
 
 
 def future_labels(case: Case) -> Finding:

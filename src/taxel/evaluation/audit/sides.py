@@ -7,6 +7,8 @@ about checks.
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,12 +21,16 @@ from taxel.evaluation.audit.evidence import Fold
 from taxel.evaluation.audit.touch_set import Pieces, TouchSet, as_dataset, cut_pieces
 from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_table
 from taxel.evaluation.shared_values import can_be_held_out
-from taxel.evaluation.splits import TrialFold, by_group, parse_split
+from taxel.evaluation.splits import Fold as SplitFold
+from taxel.evaluation.splits import Split, TrialFold, by_group, parse_split
 from taxel.labels.trials import OBJECTS, span_at
 from taxel.recordings.imports.video_rows import SPLIT, TEST
 from taxel.windows.dataset import Dataset
 
 _SLACK_S = 1e-3
+_MOST_TRIED = 16
+"""Numbers of folds that are tried where folds test one class each. Source: our choice,
+docs/decisions/0023."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,8 +45,8 @@ class Sides:
     key: str | None = None
     """The group that one of taxel's own splits holds out; None for all others."""
     fold_count: int | None = None
-    """Where folds of that split test one class each: the most folds that test several; None if
-    there are none."""
+    """Where folds of that split test one class each: the most folds found that all test several,
+    0 if none were; None where nothing was searched."""
 
     def whole_trials(self, pieces: Pieces) -> bool:
         """Return whether no trial stands on both sides of a fold."""
@@ -73,30 +79,53 @@ def named_sides(
         return pieces, Sides(name=split.name, folds=found, claimed=claimed)
     key = text.removeprefix("group:")
     claimed = tuple(dict.fromkeys((*claimed, key)))
-    fewer = _of_several_classes(touch, dataset, key, folds, seed)
+    fewer = _of_several_classes(touch, dataset, key, split, seed)
     return pieces, Sides(name=split.name, folds=found, claimed=claimed, key=key, fold_count=fewer)
 
 
 def _of_several_classes(
-    touch: TouchSet, dataset: Dataset, key: str, folds: int, seed: int
+    touch: TouchSet, dataset: Dataset, key: str, split: Split, seed: int
 ) -> int | None:
-    """Return the most folds of whole groups that each test several classes.
+    """Return the most folds of whole groups found that each test several classes.
 
-    None where there are none, and where so many folds already do.
+    0 where none were found; None where nothing is to be searched, since the folds of the split do
+    so already, or are two.
     """
 
-    def tested(count: int) -> list[int]:
-        found = by_group(dataset, touch.target, key, count, seed).folds
-        return [len(set(touch.y[sorted(fold.test)].tolist())) for fold in found
-                if isinstance(fold, TrialFold)]  # fmt: skip
+    def several(folds: Sequence[SplitFold]) -> bool:
+        return all(len(set(touch.y[sorted(fold.test)].tolist())) > 1 for fold in folds
+                   if isinstance(fold, TrialFold))  # fmt: skip
 
-    if min(tested(folds)) > 1:
+    most = len(split.folds) - 1
+    if several(split.folds) or most < 2:
         return None
-    for count in range(folds - 1, 1, -1):
+    for count in _fold_counts(touch, dataset.group(key), most):
         with suppress(BadSplit):
-            if min(tested(count)) > 1:
+            if several(by_group(dataset, touch.target, key, count, seed).folds):
                 return count
-    return None
+    return 0
+
+
+def _fold_counts(touch: TouchSet, groups: NDArray[np.str_], most: int) -> list[int]:
+    """Return the numbers of folds to try, the largest first.
+
+    A test part of several classes needs a group of several, or two groups of different classes.
+    Of many numbers evenly spaced ones are tried, since each takes as long as a split.
+
+    Args:
+        touch: The trials.
+        groups: Each one's group, shape (trials,).
+        most: Folds that are wanted at most.
+    """
+    held = [set(touch.y[groups == name].tolist()) for name in np.unique(groups)]
+    single = Counter(min(own) for own in held if len(own) == 1)
+    alone = sum(single.values())
+    pairs = min(alone // 2, alone - max(single.values(), default=0))
+    first = min(most, len(held) - alone + pairs)
+    if first < 2:
+        return []
+    spaced = np.linspace(first, 2, min(first - 1, _MOST_TRIED))
+    return list(dict.fromkeys(spaced.round().astype(int).tolist()))
 
 
 def given_sides(touch: TouchSet, steps: int, claimed: tuple[str, ...] = ()) -> tuple[Pieces, Sides]:

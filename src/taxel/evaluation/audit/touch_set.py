@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
 from taxel.labels.class_order import in_order
-from taxel.labels.trials import OBJECTS, Trial
+from taxel.labels.trials import OBJECTS, SESSIONS, Trial
 from taxel.plain_text import number_of
 from taxel.signals import SensorInfo
 from taxel.windows.config import WindowConfig
@@ -24,13 +24,6 @@ from taxel.windows.dataset import Dataset
 from taxel.windows.joining import TEST_PREFIX, renamed
 from taxel.windows.windower import Windows
 
-SESSIONS = (
-    "session", "sitting", "power_on", "day", "date", "visit", "operator", "person", "subject",
-    "participant", "user", "lab", "rig", "station", "sensor", "device", "pad", "gel", "batch",
-)  # fmt: skip
-"""Groups that say where, when or by whom a trial was recorded; they must predict no class."""
-TIMES = SESSIONS[:6]
-"""Those that say when: what was recorded together is alike, whoever held it."""
 LEAST_TRIALS = 8
 """Fewer labelled trials allow no statement. Source: our choice, docs/decisions/0023."""
 

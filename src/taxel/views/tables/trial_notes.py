@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from taxel.evaluation.camera_trials.contenders import MAJORITY, nothing_moves
 from taxel.evaluation.camera_trials.crossval import TrialResult
 from taxel.evaluation.camera_trials.trial_set import TrialSet
+from taxel.evaluation.run_scores import learned_note
 from taxel.plain_text import number_of
 from taxel.windows.trial_crops import LEAST_CROP
 from taxel.windows.trial_picture import brightest
@@ -78,12 +79,13 @@ def control_warnings(results: Sequence[TrialResult]) -> list[str]:
     best = max(controls, key=lambda control: control.whole.accuracy)
     if best.whole.accuracy >= ours.accuracy:
         constant = [r for r in controls if r.name == MAJORITY.name]
-        nothing = bool(constant) and constant[0].whole.accuracy >= ours.accuracy
+        classes = results[0].probabilities.shape[1]
         found.append(
             f"{best.name} is as accurate ({100 * best.whole.accuracy:.1f} %, taxel "
             f"{100 * ours.accuracy:.1f} %): do not claim the recogniser's accuracy"
-            + ("; nothing was learned that holds on the tested trials, as always naming the "
-               "commonest class is no worse" if nothing else "")
+            + ("; it is not better than always naming the commonest class"
+               f"{learned_note(ours.balanced, classes, 'trial')}"
+               if constant and constant[0].whole.accuracy >= ours.accuracy else "")
         )  # fmt: skip
     best = min(controls, key=lambda control: control.whole.loss)
     if best.whole.loss <= ours.loss:
