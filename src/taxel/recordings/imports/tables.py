@@ -85,6 +85,8 @@ class Table:
     """Whether each row ends in a separator, with an empty cell behind it that was left out."""
     passed_over: str = ""
     """Which lines around the names are no rows, and why, for a note; or empty."""
+    doubts: tuple[str, ...] = ()
+    """What may have been meant in another way, for notes."""
     dropped: DroppedRows = field(default_factory=DroppedRows)
     """Rows of the file, or of the trial, that were left out because of their times."""
 
