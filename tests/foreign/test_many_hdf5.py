@@ -135,7 +135,7 @@ def test_a_file_at_which_the_library_sleeps_is_refused_and_the_next_has_a_new_pr
 def test_a_file_at_which_the_library_sleeps_is_ended_by_the_system_too(
     files, started, monkeypatch, tmp_path
 ):
-    """By a clock of the copy itself, which runs also where nobody waits; here 10,000 times faster."""
+    """By a clock of the copy itself, also where nobody waits; here it is 10,000 times faster."""
     spoil(monkeypatch, tmp_path,
           "import time\n"
           "left = signal.getitimer(signal.ITIMER_REAL)[0]\n"

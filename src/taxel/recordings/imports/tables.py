@@ -87,6 +87,9 @@ class Table:
     """Which lines around the names are no rows, and why, for a note; or empty."""
     doubts: tuple[str, ...] = ()
     """What may have been meant in another way, for notes."""
+    rails: tuple[float, float] | None = None
+    """Lowest and highest value that the file's numbers can hold, where a converter clips; None
+    where that is not known."""
     dropped: DroppedRows = field(default_factory=DroppedRows)
     """Rows of the file, or of the trial, that were left out because of their times."""
 
@@ -241,11 +244,20 @@ def check_values(
     names: Sequence[str],
     missing: Missing,
     first_line: int = 1,
+    place: str = "line {row}, column {name!r}",
 ) -> None:
     """Refuse a table without rows, and values that are not finite unless they are to be kept.
 
+    Args:
+        path: The file, for messages.
+        values: Shape (n, channels).
+        names: Of the channels.
+        missing: What happens to values that are not finite.
+        first_line: Number of the first row.
+        place: Where a value stands, by its row's number and its channel's name.
+
     Raises:
-        BadTable: Says file, line and column.
+        BadTable: Says file and place.
     """
     if len(values) == 0:
         raise BadTable("rows of numbers", f"none in {path}", "leave the file out")
@@ -255,7 +267,8 @@ def check_values(
     row, column = np.argwhere(~fits)[0]
     raise BadTable(
         "a finite number that 32 bits hold",
-        f"{values[row, column]} in {path}, line {row + first_line}, column {names[column]!r}",
+        f"{values[row, column]} in {path}, "
+        + place.format(row=row + first_line, name=names[column]),
         "mend the file, or keep such cells as invalid with --missing keep",
     )
 
