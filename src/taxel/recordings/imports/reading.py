@@ -74,7 +74,7 @@ def reader_of(
         if not file_behind(row.file).is_file():
             raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
         table, padding = read()
-        values, marked = without_marked(table.values, row.missing)
+        values, marked = without_marked(table.values, row.missing, table.dtype)
         table = replace(table, values=values)
         samples = Samples.from_values(table.values, table.time_s, row.full_scale)
         if row.full_scale is not None and table.rails is not None:
@@ -189,11 +189,13 @@ def _by_layout(
 ) -> Table:
     try:
         values, time_s, names, units = reader(row.file)
+        held = np.asarray(values)
         table = Table(
-            values=np.asarray(values, np.float64),
+            values=held.astype(np.float64),
             time_s=np.asarray(time_s, np.float64),
             names=tuple(names),
             units=tuple(units),
+            dtype=held.dtype,
         )
     except BadTable:
         raise

@@ -13,7 +13,7 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,6 @@ from taxel.recordings.imports.row_times import (
     check_time,
 )
 from taxel.recordings.imports.table_columns import (
-    TextColumns,
     npy_columns,
     npy_shape,
     text_columns,
@@ -87,6 +86,8 @@ class Table:
     """Which lines around the names are no rows, and why, for a note; or empty."""
     doubts: tuple[str, ...] = ()
     """What may have been meant in another way, for notes."""
+    dtype: np.dtype[Any] = field(default_factory=lambda: np.dtype(np.float64))
+    """Of the numbers that the file holds; those of texts are of 64 bits."""
     rails: tuple[float, float] | None = None
     """Lowest and highest value that the file's numbers can hold, where a converter clips; None
     where that is not known."""
@@ -208,7 +209,7 @@ def read_table(
     if ending.endswith(".npy"):
         if time.column is not None:
             refuse_stamps(time.column, str(path))
-        text = TextColumns(values=npy_columns(path, wanted), first_line=1)
+        text = npy_columns(path, wanted)
     elif is_text(path.name):
         text = text_columns(path, wanted, stamps, but)
     else:
@@ -231,6 +232,7 @@ def read_table(
         decimal_comma=text.decimal_comma,
         one_more=text.one_more,
         passed_over=text.passed_over,
+        dtype=text.dtype,
     )
     if in_trials or time.column is None:
         return table

@@ -79,7 +79,8 @@ def _read(
     names = tuple(column.name for column in columns)
     check_values(path, values, names, missing, place="value {row} of channel {name}")
     return Table(values=values, time_s=np.arange(len(values)) / head.rate_hz, names=names,
-                 units=tuple(column.unit for column in columns), rails=head.rails)  # fmt: skip
+                 units=tuple(column.unit for column in columns), rails=head.rails,
+                 dtype=np.dtype(f"f{head.bits // 8}" if head.is_float else np.float64))  # fmt: skip
 
 
 def _check_rate(path: Path, head: WavHead, stated_hz: float | None) -> None:
