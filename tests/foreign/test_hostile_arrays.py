@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 from mutations import changed_bytes
 from scipy.io import savemat
 
-from taxel.errors import BadFile
+from taxel.errors import BadFile, BadTable
 from taxel.foreign.array_files import open_arrays
 from taxel.foreign.held_arrays import Numbers
+from taxel.recordings.imports.trial_sets import label_texts
 
 
 @pytest.fixture(autouse=True)
@@ -292,3 +293,23 @@ def test_another_file_called_mat_or_npz_is_refused(tmp_path):
         (tmp_path / name).write_bytes(io.BytesIO(b"hello " * 50).getvalue())
         with pytest.raises(BadFile):
             open_arrays(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("shape", "words"),
+    [
+        ((2**31 - 1, 0), "at most 100,000 trials; got 2,147,483,647 in y"),
+        ((1, 100_001), "at most 100,000 trials; got 100,001 in y"),
+        ((100_001, 2), "at most 100,000 trials; got 100,001 in y"),
+        ((0, 2**31 - 1), "one value for each trial, or a one-hot row; got y: 0 × 2147483647"),
+        ((3, 0), "one value for each trial, or a one-hot row; got y: 3 × 0"),
+    ],
+)
+def test_labels_of_a_size_that_no_file_has_are_never_read(shape, words):
+    """An array without columns takes no room in its file, and a number for each row in memory."""
+
+    def cut(places):
+        raise AssertionError(places)
+
+    with pytest.raises(BadTable, match=words):
+        label_texts(Numbers(shape, np.dtype("f8"), cut), "y")

@@ -1,6 +1,8 @@
 """Claims about the one process that reads many HDF5 files, a copy of itself each."""
 
 import os
+import select
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -45,8 +47,10 @@ def files(tmp_path):
     return [tmp_path / f"{name}.h5" for name in names]
 
 
-def spoil(monkeypatch, folder: Path, lines: str, **numbers: str) -> None:
-    """Let the child do more before it reads a file (BAD: the bad one), or change its limits."""
+def spoil(monkeypatch, folder: Path, lines: str, begins: str = "", **numbers: str) -> None:
+    """Let the child do more before it reads a file (BAD: the bad one), or as it begins, or change
+    its limits.
+    """
     text = hdf5_trial._CHILD.read_text()
     assert text.count(_READ) == 1
     lines = lines.replace("BAD", "path.endswith('bad.h5')")
@@ -54,8 +58,9 @@ def spoil(monkeypatch, folder: Path, lines: str, **numbers: str) -> None:
     for name, number in numbers.items():
         start = text.index(f"\n{name} = ") + 1
         text = text[:start] + f"{name} = {number}" + text[text.index("\n", start) :]
+    assert text.count("import h5py\n") == 1
     script = folder / "child.py"
-    script.write_text(text)
+    script.write_text(text.replace("import h5py\n", f"import h5py\n{begins}\n"))
     monkeypatch.setattr(hdf5_trial, "_CHILD", script)
 
 
@@ -127,6 +132,68 @@ def test_a_file_at_which_the_library_sleeps_is_refused_and_the_next_has_a_new_pr
     assert not status.exists() or status.read_text().split()[2] in "ZX"
 
 
+def test_a_file_at_which_the_library_sleeps_is_ended_by_the_system_too(
+    files, started, monkeypatch, tmp_path
+):
+    """By a clock of the copy itself, also where nobody waits; here it is 10,000 times faster."""
+    spoil(monkeypatch, tmp_path,
+          "import time\n"
+          "left = signal.getitimer(signal.ITIMER_REAL)[0]\n"
+          "if BAD: signal.setitimer(signal.ITIMER_REAL, left / 10_000)\n"
+          "if BAD: time.sleep(1000)")  # fmt: skip
+    monkeypatch.setattr(hdf5_trial, "_WALL_S", 20.0)
+    with many_hdf5():
+        assert refused(files) == ["bad"]
+    assert len(started) == 1
+
+
+def test_nothing_that_is_printed_is_an_answer(files, started, monkeypatch, tmp_path):
+    """Such as by a package that each start of Python loads."""
+    spoil(monkeypatch, tmp_path, "if BAD: os.abort()", "print('ny' * 99, flush=True)")
+    with many_hdf5():
+        assert refused(files) == ["bad"]
+    assert len(started) == 1
+
+
+def test_an_answer_that_is_none_is_nothing_against_the_file(files, started, monkeypatch, tmp_path):
+    """The file then has a process of its own, and the next one a new one."""
+    spoil(monkeypatch, tmp_path, "", "os.write(int(sys.argv[2]), b'?') if sys.argv[2:] else None")
+    with many_hdf5():
+        assert refused(files[:2]) == []
+    assert [len(child.args) for child in started] == [5, 4, 5, 4]
+
+
+def test_no_process_outlives_the_one_that_asked(files, monkeypatch, tmp_path):
+    """However that ends: both the child and its copy that reads a file hold a pipe open."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    spoil(monkeypatch, tmp_path,
+          "import time\nos.write(held, str(os.getppid()).encode())\ntime.sleep(1000)",
+          f"held = os.open({str(pipe)!r}, os.O_WRONLY)")  # fmt: skip
+    asks = (
+        "from pathlib import Path\n"
+        "from taxel.foreign import hdf5_trial\n"
+        f"hdf5_trial._CHILD = Path({str(hdf5_trial._CHILD)!r})\n"
+        f"with hdf5_trial.many_hdf5(): hdf5_trial.try_hdf5(Path({str(files[0])!r}))\n"
+    )
+    held = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    parent = subprocess.Popen([sys.executable, "-c", asks])
+    child = 0
+    try:
+        assert select.select([held], [], [], 30)[0]
+        child = int(os.read(held, 20))
+        parent.kill()
+        assert select.select([held], [], [], 30)[0], "one of them lives"
+        assert os.read(held, 20) == b""
+        child = 0
+    finally:
+        parent.kill()
+        parent.wait()
+        os.close(held)
+        if child:
+            os.killpg(child, signal.SIGKILL)
+
+
 def test_matlabs_files_of_version_7_3_are_read_so_too(started, tmp_path):
     """They are HDF5; older ones need no child."""
     with many_hdf5():
@@ -149,10 +216,10 @@ def test_each_file_has_the_whole_memory(files, monkeypatch, tmp_path):
 def test_a_process_that_is_lost_is_nothing_against_the_file(files, started, monkeypatch, tmp_path):
     """The file that was being read then has a process of its own, and the next one a new one."""
     spoil(monkeypatch, tmp_path,
-          "if BAD and len(sys.argv) == 1: os.kill(os.getppid(), 9)")  # fmt: skip
+          "if BAD and len(sys.argv) == 3: os.kill(os.getppid(), 9)")  # fmt: skip
     with many_hdf5():
         assert refused(files) == []
-    assert [len(child.args) for child in started] == [3, 4, 3]
+    assert [len(child.args) for child in started] == [5, 4, 5]
 
 
 def test_a_process_that_ended_while_it_waited_is_nothing_against_the_next_file(files, started):
@@ -162,7 +229,7 @@ def test_a_process_that_ended_while_it_waited_is_nothing_against_the_next_file(f
         started[0].kill()
         os.waitid(os.P_PID, started[0].pid, os.WEXITED | os.WNOWAIT)
         assert refused(files[1:]) == []
-    assert [len(child.args) for child in started] == [3, 4, 3]
+    assert [len(child.args) for child in started] == [5, 4, 5]
 
 
 def test_an_import_of_many_files_starts_one_process(files, started, monkeypatch, tmp_path):

@@ -66,6 +66,82 @@ def test_an_index_of_numbers_below_counted_scans_names_channels(tmp_path):
     np.testing.assert_allclose(recording.samples.values, VALUES.T, rtol=1e-6)
 
 
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_line_that_counts_stays_where_something_stands_in_front(tmp_path, first):
+    """A time in ms, or a counter of samples, looks just like it; the lines keep their numbers."""
+    count = np.arange(first, first + 9)
+    recording, notes = imported(tmp_path, text_of([count, *VALUES]), time="1[ms]")
+    assert recording.manifest.sensor.channels == ("2", "3")
+    assert recording.manifest.sensor.rate_hz == 1000
+    np.testing.assert_allclose(recording.samples.values, VALUES.T, rtol=1e-6)
+    assert notes == []
+
+    recording, notes = imported(tmp_path, text_of([count, *VALUES]), overwrite=True)
+    assert recording.samples.values[:, 0].tolist() == count.tolist()
+    assert notes == [f"a.csv: line 1 ({first}, {first + 1}, {first + 2} …) was taken as a channel; "
+                     "if it only numbers the scans, remove it, or name the others in the column "
+                     "'channels'"]  # fmt: skip
+
+
+def test_a_named_line_that_counts_is_a_channel_with_a_note(tmp_path):
+    """Unless it holds the times, or is not taken."""
+    text = "name,1,2,3\na,4,6,5\n"
+    recording, notes = imported(tmp_path, text)
+    assert recording.manifest.sensor.channels == ("name", "a")
+    assert notes[0].startswith("a.csv: line 1 (1, 2, 3) was taken as a channel; ")
+    assert imported(tmp_path, text, channels="a[N]", overwrite=True)[1] == []
+    assert imported(tmp_path, text, time="name[ms]", overwrite=True)[1] == []
+
+
+@pytest.mark.parametrize("front", [["left", "right"], [0, 1], [3, 17]])
+def test_a_line_that_is_passed_over_is_a_note(tmp_path, front):
+    """As are those of other texts; its number counts remarks."""
+    below = [[front[0], 7, 8, 9], [front[1], 4, 5, 6]]
+    recording, notes = imported(tmp_path, "# from a skin\n,0,1,2\n" + text_of(below))
+    assert recording.manifest.sensor.channels == tuple(map(str, front))
+    assert recording.samples.values.tolist() == [[7, 4], [8, 5], [9, 6]]
+    assert notes == ["a.csv: passed over line 2, which counts the scans (0, 1, 2)"]
+
+
+@pytest.mark.parametrize("front", [["0.5", "1.5"], ["7", "3"], ["", "1"]])
+def test_a_counting_line_without_its_first_value_stays_where_values_stand_below(tmp_path, front):
+    """Then its first value is missing, as another's may be."""
+    text = text_of([["", 1, 2, 3], [front[0], 7, 8, 9], [front[1], 4, 5, 6]])
+    assert "got nan in" in refusal(tmp_path, text)
+    recording, notes = imported(tmp_path, text, missing="keep", overwrite=True)
+    assert recording.samples.values.shape == (4, 3)
+    assert notes[0].startswith("a.csv: line 1 (1, 2, 3) was taken as a channel")
+
+
+def test_first_values_that_count_the_lines_are_a_note(tmp_path):
+    """They may be the channels' numbers."""
+    text = text_of([[number, *row] for number, row in enumerate([*VALUES, VALUES[0]], start=1)])
+    recording, notes = imported(tmp_path, text)
+    assert recording.samples.values[0].tolist() == [1, 2, 3]
+    assert notes == ["a.csv: the first values of its lines are 1, 2, 3; if these are the channels' "
+                     "numbers and no scan, write words in their place, as in c1"]  # fmt: skip
+
+
+def test_of_each_line_only_numbers_are_kept(tmp_path):
+    """A cell takes 16 bytes, not the 60 and more of a text."""
+    import tracemalloc
+
+    from taxel.recordings.imports.lying_texts import read_lying
+    from taxel.recordings.imports.row_times import REFUSED
+    from taxel.recordings.imports.tables import Column, TimeColumn
+
+    (tmp_path / "a.csv").write_text(("0.25," * 1999 + "0.75\n") * 50)
+    tracemalloc.start()
+    try:
+        table = read_lying(tmp_path / "a.csv", [Column(name="*", unit="N")],
+                           TimeColumn(rate_hz=9.0), "refuse", REFUSED)  # fmt: skip
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert table.values.shape == (2000, 50)
+    assert peak < 30 * table.values.size
+
+
 @pytest.mark.parametrize("name", ["t", "1"])
 def test_a_line_may_hold_times(tmp_path, name):
     """By its name or number; it is no channel then."""
@@ -80,8 +156,9 @@ def test_a_line_may_hold_times(tmp_path, name):
 def test_decimal_commas_and_blanks_are_read(tmp_path):
     """As in texts that stand upright."""
     text = "0,5;1,5;2,5\n1;2;3,0\n"
-    recording, _ = imported(tmp_path, text)
+    recording, notes = imported(tmp_path, text)
     assert recording.samples.values.tolist() == [[0.5, 1], [1.5, 2], [2.5, 3]]
+    assert notes == ["a.csv: commas were taken as decimal signs: 0,5 is a half"]
 
 
 @pytest.mark.parametrize(
@@ -97,7 +174,15 @@ def test_decimal_commas_and_blanks_are_read(tmp_path):
          {"channels": "c[N]"}),
         ("a,1,2\na,1,2\n", "one line that begins with 'a' .*got 2 of 2 lines",
          {"channels": "a[N]"}),
-        ("t,2,1\na,1,2\n", "times that increase", {"time": "t[s]"}),
+        ("a,1,2\nt,2,1\n", "times that increase .* 2 s in .*a.csv, line 2, cell 3",
+         {"time": "t[s]"}),
+        ("t,,1\na,1,2\n", "a time in every row; got none in .*a.csv, line 1, cell 2",
+         {"time": "t[s]", "missing": "keep"}),
+        ("a,1,2,3,4,5,6\nt,1,2,900,4,5,6\n", "900 s in .*a.csv, line 2, cell 4, between",
+         {"time": "t[s]"}),
+        ("a,1,2,3\nt,1e12,2e12,3e12\n", "1e.12 s in .*a.csv, line 2, cell 2", {"time": "t[s]"}),
+        ("time,1,2\n1,1,2\n", "a word in front of each line.*got 'time' in front of line 1 and "
+         "'1' in front of line 2 in .*a.csv", {}),
         ("t,2,1\n", "a channel beside the times", {"time": "t[s]"}),
         ("t,2,1\na,1,2\n", "times as numbers", {"time": "t[iso]"}),
     ],

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.io import wavfile
 
 from taxel.cli.main import main
 from taxel.errors import BadTable
@@ -83,12 +84,79 @@ def test_what_is_no_mark_is_refused(text):
         parse_marks(text, "table.csv, line 2")
 
 
+@pytest.mark.parametrize(
+    ("text", "mend"),
+    [("-32768,9999", "write blanks between marks, and decimal points."),
+     ("0;1", "write blanks between marks, and decimal points."),
+     ("1e39", "correct it: recordings hold no value beyond 3.4e+38."),
+     ("NA", "empty cells and NaN are no marks: --missing keep keeps them.")],
+)  # fmt: skip
+def test_a_refusal_says_how_to_write_marks(text, mend):
+    """By what is wrong with it."""
+    with pytest.raises(BadTable, match="with blanks between them") as caught:
+        parse_marks(text, "table.csv, line 2")
+    assert str(caught.value).endswith(mend)
+
+
+def test_a_number_is_one_mark_however_it_is_written():
+    """As it is written first."""
+    assert parse_marks("1 1.0 1e0 2 -0 0.00", "a") == ("1", "2", "-0")
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "missing"),
+    [
+        ("a.npy", lambda path, v: np.save(path, v), 1),
+        ("a.npy", lambda path, v: np.save(path, np.asfortranarray(v)), 1),
+        ("a.npz", lambda path, v: np.savez(path, X=v), 1),
+        ("a.csv", lambda path, v: np.savetxt(path, v, "%d", ","), 1),
+        ("a.npy", lambda path, v: np.save(path, v.astype("f4")), 2),
+        ("a.npz", lambda path, v: np.savez(path, X=v.astype(">f4")), 2),
+        ("a.wav", lambda path, v: wavfile.write(path, 10, v), 1),
+        ("a.wav", lambda path, v: wavfile.write(path, 10, v.astype("f4")), 2),
+    ],
+)
+def test_another_number_is_no_mark_unless_the_file_cannot_tell_them_apart(
+    tmp_path, capsys, name, write, missing
+):
+    """In 32 bits 16777217 is 16777216."""
+    write(tmp_path / name, np.array([[16777216.0, 1], [16777217, 2], [3, 4]]))
+    cells = {"a.wav": "*[N],,", "a.npz": "*[N],rate:10Hz,rows channels"}
+    cells = cells.get(name, "*[N],rate:10Hz,")
+
+    _, (made,) = run(tmp_path, capsys, "16777217", file=name, cells=cells)
+
+    assert int(np.isnan(made.samples.values).sum()) == missing
+
+
+def test_a_mark_that_short_floats_cannot_hold_matches_nothing():
+    """Not even what is infinite there."""
+    values = np.array([[np.inf], [1.0]])
+    assert without_marked(values, ("1e5", "1"), np.dtype("f2"))[1] == {"1e5": 0, "1": 1}
+
+
+def test_a_layout_of_ones_own_may_return_32_bits(tmp_path, capsys):
+    """As arrays do."""
+    (tmp_path / "own.py").write_text(
+        "import numpy as np\n"
+        "def read(path): return np.array([[-999.9], [1]], 'f4'), [0, 1], ['a'], ['N']\n"
+    )
+    (tmp_path / "a.bin").write_text("")
+    (tmp_path / "t.csv").write_text(
+        "file,label:object,layout,missing\na.bin,cup,own.py:read,-999.9\n"
+    )
+    main(["import", str(tmp_path / "t.csv"), "--output", str(tmp_path / "out"), "--json",
+          "--allow-code"])  # fmt: skip
+    (path,) = json.loads(capsys.readouterr().out)["recordings"]
+    assert np.isnan(read_recording(path).samples.values.ravel()).tolist() == [True, False]
+
+
 def test_values_without_a_mark_stay_as_they_are():
     """The array that was read is not changed either."""
     values = np.array([[1.0, np.nan], [5.0, 7.0]])
-    assert without_marked(values, ()) == (values, {})
-    assert without_marked(values, ("8",))[0] is values
-    cut, counts = without_marked(values, parse_marks(" 5  7 5 ", "a"))
+    assert without_marked(values, (), values.dtype) == (values, {})
+    assert without_marked(values, ("8",), values.dtype)[0] is values
+    cut, counts = without_marked(values, parse_marks(" 5  7 5 ", "a"), values.dtype)
     assert counts == {"5": 1, "7": 1}
     np.testing.assert_array_equal(cut, [[1.0, np.nan], [np.nan, np.nan]])
     assert values[1, 0] == 5.0

@@ -1,5 +1,7 @@
 """Claims about importing WAV files: rate and channels of the file's head, one trial each."""
 
+import wave
+
 import numpy as np
 import pytest
 from scipy.io import wavfile
@@ -7,6 +9,7 @@ from scipy.io import wavfile
 from taxel.errors import BadTable
 from taxel.recordings.imports.importing import ImportOptions, import_table
 from taxel.recordings.reader import read_recording
+from taxel.signals import Validity
 
 RATE_HZ = 2000
 VALUES = np.random.default_rng(0).integers(-(2**15), 2**15, (50, 2), np.int16)
@@ -81,7 +84,7 @@ def test_intervals_mark_trials_of_a_long_file(folder):
         ("cup_1.WAV,,,channels rows", "for a file of one trial"),
         ("short.wav,,,", "as many bytes of values as its head says; got 6 .* in .*short.wav"),
         ("none.wav,,,", "which is not there"),
-        ("nan.wav,,,", "a finite number that 32 bits hold; got nan in .*--missing keep"),
+        ("nan.wav,,,", r"a finite .*got nan in .*nan\.wav, value 2 of channel 1; .*--missing keep"),
         ("empty.wav,,,", "rows of numbers; got none"),
     ],
 )
@@ -104,6 +107,45 @@ def test_values_that_are_no_numbers_are_kept_on_request(folder):
 
     assert recording.samples.validity.ravel().tolist()[0] == 0
     assert recording.samples.validity.ravel().tolist()[1] != 0
+
+
+def write_integers(path, bits, numbers):
+    """Write integers of one channel, those of 8 bits as they stand without a sign."""
+    with wave.open(str(path), "wb") as file:
+        file.setparams((1, bits // 8, RATE_HZ, len(numbers), "NONE", ""))
+        file.writeframes(b"".join(number.to_bytes(bits // 8, "little", signed=bits > 8)
+                                  for number in numbers))  # fmt: skip
+
+
+@pytest.mark.parametrize("bits", [8, 16, 24, 32])
+def test_integers_at_either_end_are_saturated_where_a_full_scale_is_stated(folder, bits):
+    """The highest of them is less than 1, and the lowest is far below; their neighbours are not."""
+    half = 2 ** (bits - 1)
+    near = half - 1 - 2 ** max(0, bits - 24)  # another number in 32 bits, too
+    ends = np.array([half - 1, near, 0, -near, -half])
+    write_integers(folder / "a.wav", bits, (ends + (half if bits == 8 else 0)).tolist())
+
+    (path,) = made(folder, "file,full_scale\na.wav,1\n")
+    flags = read_recording(path).samples.validity.ravel().tolist()
+    assert [bool(flag & Validity.SATURATED) for flag in flags] == [True, False, False, False, True]
+
+    (plain,) = made(folder, "file\na.wav\n", overwrite=True)
+    assert not read_recording(plain).samples.validity.any()
+
+
+def test_floats_are_saturated_from_the_stated_value_on_only(folder):
+    """They have no ends."""
+    wavfile.write(folder / "a.wav", RATE_HZ, np.array([1.0, 0.99999994, -1.0, -9.0], np.float32))
+    (path,) = made(folder, "file,full_scale\na.wav,1\n")
+    flags = read_recording(path).samples.validity.ravel()
+    assert flags.tolist() == [Validity.SATURATED, 0, 0, 0]
+
+
+def test_marks_of_missing_values_are_shares_of_full_scale(folder):
+    """As the values are."""
+    write_integers(folder / "a.wav", 16, [-32768, 16384, 5])
+    (path,) = made(folder, "file,missing\na.wav,-32768 -1 0.5\n")
+    assert np.isnan(read_recording(path).samples.values.ravel()).tolist() == [True, True, False]
 
 
 def test_unreadable_files_are_left_out_on_request(folder):

@@ -2,15 +2,18 @@
 
 Run as a script, so that nothing of taxel is loaded. It reads what a file says of itself: groups,
 attributes, shapes, texts, and of large arrays the first and last rows. The path is its only
-argument; it ends with 0 where the library came to the file's end. Without an argument it takes
-paths from its input, and answers each. Knows nothing about what is taken of a file.
+argument; it ends with 0 where the library came to the file's end. With two arguments, the number
+of its parent and that of an open file, it takes paths from its input, and answers each in that
+file. Knows nothing about what is taken of a file.
 
 Background of our choices: docs/decisions/0033.
 """
 
 from __future__ import annotations
 
+import ctypes
 import os
+import signal
 import sys
 from typing import Any, NoReturn
 
@@ -20,6 +23,8 @@ CPU_S = 60
 """Processor time; a file of 100,000 arrays takes half of it. Source: our choice."""
 MEMORY = 1024 * 2**20
 """Bytes beside what the libraries hold. Source: our choice."""
+WALL_S = 120
+"""Time until a process that sleeps is ended, also where nobody waits for it. Source: our choice."""
 _WHOLE = 2**20
 """Bytes of an array that is read as a whole."""
 _MOST, _DEEPEST = 100_000, 16
@@ -33,6 +38,8 @@ def limit() -> None:
         import resource
     except ModuleNotFoundError:  # no such limits on this system: the parent's clock remains
         return
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.setitimer(signal.ITIMER_REAL, WALL_S)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S))
     try:
@@ -99,25 +106,45 @@ def read_file(path: str) -> None:
     quiet(all_of_it)
 
 
-def answer_each() -> None:
+def end_with(parent: int) -> None:
+    """Let the system end this process when its parent ends, as `processes.signal_at_parents_end`.
+
+    Linux only. A process that waits, or sleeps in the library, would not see by itself.
+    """
+    zero = ctypes.c_ulong(0)
+    death_signal = 1  # PR_SET_PDEATHSIG of prctl(2)
+    ctypes.CDLL(None).prctl(death_signal, ctypes.c_ulong(signal.SIGKILL), zero, zero, zero)
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+def answer_each(parent: int, answers: int) -> None:
     """Read each file whose path comes in, in a copy of this process; write y or n for each.
 
     A copy begins with all of its time and memory, and what a file does to it is gone with it.
     Linux only. Each path is a line of hexadecimal digits.
+
+    Args:
+        parent: Process number of the parent.
+        answers: Number of the open file that answers are written to.
     """
+    end_with(parent)
+    own = os.getpid()
     for line in sys.stdin.buffer:
         path = os.fsdecode(bytes.fromhex(line.decode("ascii")))
         copy = os.fork()
         if copy == 0:
-            _end_with(path)
+            _read_in_copy(path, own, answers)
         _, status = os.waitpid(copy, 0)
-        os.write(1, b"n" if status else b"y")
+        os.write(answers, b"n" if status else b"y")
 
 
-def _end_with(path: str) -> NoReturn:
+def _read_in_copy(path: str, parent: int, answers: int) -> NoReturn:
     """Read a file and end this copy; what the library prints is no answer."""
     status = 1
     try:
+        end_with(parent)
+        os.close(answers)
         nothing = os.open(os.devnull, os.O_RDWR)
         os.dup2(nothing, 0)
         os.dup2(nothing, 1)
@@ -128,7 +155,7 @@ def _end_with(path: str) -> NoReturn:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
-        read_file(sys.argv[1])
+    if len(sys.argv) > 2:
+        answer_each(int(sys.argv[1]), int(sys.argv[2]))
     else:
-        answer_each()
+        read_file(sys.argv[1])

@@ -20,7 +20,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Lock
-from typing import IO
 
 from taxel.errors import BadFile
 
@@ -79,6 +78,8 @@ class _SharedChild:
 
     def __init__(self) -> None:
         self._child: subprocess.Popen[bytes] | None = None
+        self._answers = -1
+        """File number of the pipe that it answers through; -1 where there is none."""
         self._lock = Lock()
 
     def whole(self, path: Path) -> bool | None:
@@ -95,21 +96,29 @@ class _SharedChild:
             finally:
                 if answer not in (b"y", b"n"):
                     self._end()
-            return None if answer == b"" else answer == b"y"
+            return False if answer is None else {b"y": True, b"n": False}.get(answer)
 
     def _answer(self, path: bytes) -> bytes | None:
         """Return the child's answer; None where it takes too long, nothing where it has ended."""
-        if self._child is None:
-            self._child = subprocess.Popen(
-                _command(), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL, start_new_session=True,
-            )  # fmt: skip
-        paths, answers = _pipes(self._child)
-        paths.write(path.hex().encode() + b"\n")
-        paths.flush()
+        child = self._child = self._child or self._started()
+        assert child.stdin is not None
+        child.stdin.write(path.hex().encode() + b"\n")
+        child.stdin.flush()
         with selectors.DefaultSelector() as waiting:
-            waiting.register(answers, selectors.EVENT_READ)
-            return os.read(answers.fileno(), 1) if waiting.select(_WALL_S) else None
+            waiting.register(self._answers, selectors.EVENT_READ)
+            return os.read(self._answers, 1) if waiting.select(_WALL_S) else None
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        """Start it; it answers through a pipe of its own, so that nothing printed is an answer."""
+        self._answers, answers = os.pipe()
+        try:
+            return subprocess.Popen(
+                [*_command(), str(os.getpid()), str(answers)], pass_fds=(answers,),
+                stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )  # fmt: skip
+        finally:
+            os.close(answers)
 
     def end(self) -> None:
         """End it; a file that comes after all has another."""
@@ -117,21 +126,18 @@ class _SharedChild:
             self._end()
 
     def _end(self) -> None:
+        if self._answers >= 0:
+            os.close(self._answers)
+            self._answers = -1
         if self._child is None:
             return
         with suppress(ProcessLookupError):
             os.killpg(self._child.pid, signal.SIGKILL)  # with the copy that reads a file
-        for pipe in _pipes(self._child):
-            with suppress(OSError):  # what was not sent yet
-                pipe.close()
+        assert self._child.stdin is not None
+        with suppress(OSError):  # what was not sent yet
+            self._child.stdin.close()
         self._child.wait()
         self._child = None
-
-
-def _pipes(child: subprocess.Popen[bytes]) -> tuple[IO[bytes], IO[bytes]]:
-    assert child.stdin is not None
-    assert child.stdout is not None
-    return child.stdin, child.stdout
 
 
 _shared: list[_SharedChild] = []

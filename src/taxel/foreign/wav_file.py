@@ -58,6 +58,13 @@ class WavHead:
         """Bytes of one value of each channel."""
         return self.channels * self.bits // 8
 
+    @property
+    def rails(self) -> tuple[float, float] | None:
+        """Lowest and highest value that its integers can hold, shares of full scale; None of floats
+        have such ends.
+        """
+        return None if self.is_float else (-1.0, 1.0 - 2.0 ** (1 - self.bits))
+
     def __str__(self) -> str:
         coding = f"{self.bits}-bit {'floats' if self.is_float else 'integers'}"
         return (f"{number_of(self.channels, 'channel')} of {number_of(self.rows, 'value', ',')}, "

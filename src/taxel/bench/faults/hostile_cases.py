@@ -79,7 +79,7 @@ RECORDINGS = (
 )
 TABLES = (
     "bomb.csv.gz sparse.csv sparse.npy npy-bomb.npy npy-nested.npy one-line.csv open-quote.csv "
-    "nan.csv sparse.wav wav-lies.wav"
+    "nan.csv sparse.wav wav-lies.wav no-columns.mat"
 )
 
 ALONE: dict[str, str] = {

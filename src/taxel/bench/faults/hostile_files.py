@@ -76,6 +76,11 @@ def wav(size: int) -> bytes:
     )
 
 
+def mat4(name: str, rows: int, columns: int, data: bytes = b"") -> bytes:
+    """Return a variable of a .mat file of version 4 that claims a size."""
+    return struct.pack("<5i", 0, rows, columns, 0, len(name) + 1) + name.encode() + b"\0" + data
+
+
 def npy(head: str, data: bytes = b"") -> bytes:
     """Return a .npy file with a head of one's own."""
     text = head.encode("latin-1") + b"\n"
@@ -266,6 +271,12 @@ def make_tables(folder: Path) -> None:
         (folder / f"{file.name}.table").write_text(
             f"file,label:x,channels,time\n{file.name},y,{columns},{time}\n"
         )
+    no_columns = mat4("X", 3, 2, bytes(48)) + mat4("y", 2**31 - 1, 0)
+    (folder / "no-columns.mat").write_bytes(no_columns)
+    (folder / "no-columns.mat.table").write_text(
+        "file,trials,axes,label:x,channels,time\n"
+        "no-columns.mat,X,trials channels,from:y,*[V],rate:9Hz\n"
+    )
     (folder / "channels.csv").write_bytes(b"t,a\n0,1\n1,2\n")
     (folder / "many-words.table").write_text(
         f"file,label:x,channels,time\nchannels.csv,y,{'a ' * 60_000},t[s]\n"

@@ -349,15 +349,15 @@ def _import_file(job: _Job, content: Content, path: Path) -> FileFacts:
 
 
 def _doubtful(row: ImportRow, table: Table) -> list[str]:
-    """Return a line on names that speak against channels, where * took all columns, and one on
-    which sheet was read where none is named.
+    """Return a line on names that speak against channels, where * took all columns, one on which
+    sheet was read where none is named, and those of the table itself.
     """
     called = visible(row.called or row.file.name)
     doubts = doubtful_names(called, table.names) if _by_star(row) else []
     if row.layout == "csv" and is_sheet(row.file) and (chosen := chosen_of(row.file)):
         doubts.append(f"{called}: the sheet {visible(chosen)} was read; to read another one, write "
                       f"{called}[SHEET]")  # fmt: skip
-    return doubts
+    return [*doubts, *(f"{called}: {doubt}" for doubt in table.doubts)]
 
 
 def _may_lie(row: ImportRow, table: Table) -> bool:

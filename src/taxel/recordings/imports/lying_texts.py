@@ -30,7 +30,6 @@ from taxel.recordings.imports.table_form import (
     REMARK,
     DecimalSign,
     cells_of,
-    count_columns,
     find_form,
     is_missing,
     is_number,
@@ -55,18 +54,26 @@ HINT = f"if each line is a channel, write {' '.join(AXES)} in the column 'axes'"
 """How to mend what is refused in a text that may lie on its side."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Lines:
     """The lines of a text, as channels."""
 
     names: tuple[str, ...]
     """What stands first in each line; their numbers from 1 where that is a value."""
-    values: NDArray[np.float64]
-    """Shape (lines, scans)."""
+    values: list[NDArray[np.float64]]
+    """Of each line, each of shape (scans,)."""
     first_line: int
     """Number of the first one."""
     first_cell: int
     """Number of the cell that holds its first value."""
+    decimal_comma: bool
+    """Whether commas were taken for decimal signs."""
+    dropped: str
+    """Which line is no channel, and why; or empty."""
+    counting: str
+    """Which line is a channel though its values count; or empty."""
+    ids: str
+    """What the first values of all lines are where they count the lines; or empty."""
 
 
 def lies(file: Path, axes: str) -> bool:
@@ -115,20 +122,48 @@ def read_lying(
         raise BadTable(f"a channel beside the times in {path}", "none", "correct the table")
     if missing == "refuse":
         _check_finite(path, lines, places)
-    scans = lines.values.shape[1]
+    scans = len(lines.values[0])
     if time.column is None or stated is None:
         time_s = np.arange(scans) / (time.rate_hz or 1.0)
     else:
         time_s = lines.values[stated] * TIME_UNITS_S[time.column.unit]
-    table = Table(values=np.ascontiguousarray(lines.values[places].T), time_s=time_s,
+    values = np.empty((scans, len(places)))
+    for channel, place in enumerate(places):
+        values[:, channel] = lines.values[place]
+    table = Table(values=values, time_s=time_s,
                   names=tuple(column.name for column in columns),
-                  units=tuple(column.unit for column in columns))  # fmt: skip
-    return table if stated is None else table.without(check_time(path, time_s, bad_times))
+                  units=tuple(column.unit for column in columns),
+                  decimal_comma=lines.decimal_comma, passed_over=lines.dropped,
+                  doubts=tuple(_doubts(lines, counted=0 in places)))  # fmt: skip
+    if stated is None:
+        return table
+    line = f"line {lines.first_line + stated}, cell"
+    return table.without(check_time(path, time_s, bad_times, lines.first_cell, line=line))
+
+
+def _doubts(lines: _Lines, *, counted: bool) -> list[str]:
+    """Return what may have been meant in another way.
+
+    Args:
+        lines: Of the text.
+        counted: Whether the first of them is a channel.
+    """
+    doubts = []
+    if counted and lines.counting:
+        doubts.append(f"{lines.counting} was taken as a channel; if it only numbers the scans, "
+                      "remove it, or name the others in the column 'channels'")  # fmt: skip
+    if lines.ids:
+        doubts.append(f"the first values of its lines are {lines.ids}; if these are the channels' "
+                      "numbers and no scan, write words in their place, as in c1")  # fmt: skip
+    return doubts
 
 
 def _read(path: Path) -> _Lines:
+    """Read a text line by line; of each only its first cell stays text."""
     separator = find_form(path, table_lines(path, LARGEST_TABLE))[0].separator
-    rows: list[list[str]] = []
+    sign = DecimalSign(path, separator)
+    firsts: list[str] = []
+    rows: list[NDArray[np.float64]] = []
     first_line = ended = count = 0
     for number, line in enumerate(table_lines(path, LARGEST_TABLE), start=1):
         if not rows and line.lstrip().startswith(REMARK):
@@ -140,50 +175,92 @@ def _read(path: Path) -> _Lines:
             raise BadTable("a channel in each line", f"an empty line {ended} in {path}",
                            "remove it")  # fmt: skip
         first_line = first_line or number
-        rows.append(cells_of(path, number, line, separator))
-        count += len(rows[-1])
-        if count > MOST_VALUES or len(rows) > MOST_CHANNELS + 2:
+        cells = cells_of(path, number, line, separator)
+        count += len(cells)
+        if count > MOST_VALUES or len(rows) > MOST_CHANNELS + 1:
             raise BadTable(
                 f"at most {MOST_CHANNELS:,} lines as channels, and {MOST_VALUES:,} values",
                 f"more in {path}", "leave 'axes' empty if each line is a scan; else cut the file",
             )  # fmt: skip
-    index = False
-    if (
-        len(rows) > 1
-        and count_columns(_stripped(rows[0]))
-        and not count_columns(_stripped(rows[1]))
-    ):  # as pandas writes it
-        index, rows, first_line = not rows[0][0].strip(), rows[1:], first_line + 1
-    return _as_numbers(path, rows, first_line, separator, index=index)
+        if rows and len(cells) != len(rows[0]):
+            raise BadTable(
+                f"{number_of(len(rows[0]), 'cell')} in each line, as in line {first_line}",
+                f"{len(cells)} in {path}, line {number}", "mend the file",
+            )  # fmt: skip
+        firsts.append(cells[0].strip())
+        rows.append(np.empty(len(cells)))
+        rows[-1][1:] = _numbers(path, sign.with_points(cells[1:], number), number, 2)
+    return _as_channels(path, firsts, rows, first_line, sign)
 
 
-def _as_numbers(
-    path: Path, rows: list[list[str]], first_line: int, separator: str, *, index: bool
+def _as_channels(
+    path: Path,
+    firsts: list[str],
+    rows: list[NDArray[np.float64]],
+    first_line: int,
+    sign: DecimalSign,
 ) -> _Lines:
-    """Return lines of cells as numbers.
+    """Return lines as channels, by what stands first in each of them.
 
     Args:
         path: For messages.
-        rows: Each line's cells.
+        firsts: The first cell of each line.
+        rows: Numbers of each line's cells, each of shape (cells,); the first one is written here.
         first_line: Number of the first one.
-        separator: Of the cells.
-        index: Whether what stands first in each line is a name, also if it is a number.
+        sign: Of the file.
     """
-    named = index or not any(is_number(row[0].replace(",", ".")) or is_missing(row[0])
-                             for row in rows)  # fmt: skip
-    width = len(rows[0])
-    if width - named < 1:
+    counting, dropped = _counting(rows[0]), ""
+    if counting and not firsts[0] and _is_index(firsts[1:]):  # as pandas writes it
+        dropped = f"line {first_line}, which counts the scans ({counting})"
+        firsts, rows, first_line, counting = firsts[1:], rows[1:], first_line + 1, ""
+    is_value = [is_missing(first) or is_number(first.replace(",", ".")) for first in firsts]
+    named = bool(dropped) or not any(is_value)
+    if not named and not all(is_value):
+        word, value = is_value.index(False), is_value.index(True)
+        raise BadTable(
+            "a word in front of each line, which names its channel, or a number in each",
+            f"{firsts[word][:80]!r} in front of line {first_line + word} and "
+            f"{firsts[value][:80]!r} in front of line {first_line + value} in {path}",
+            "name all lines, as with c1 for 1, or mend the one that is wrong",
+        )  # fmt: skip
+    if len(rows[0]) - named < 1:
         raise BadTable("scans in each line", f"none in {path}, line {first_line}", "mend the file")
-    sign = DecimalSign(path, separator)
-    values = np.empty((len(rows), width - named))
-    for place, row in enumerate(rows):
-        number = first_line + place
-        if len(row) != width:
-            raise BadTable(f"{number_of(width, 'cell')} in each line, as in line {first_line}",
-                           f"{len(row)} in {path}, line {number}", "mend the file")  # fmt: skip
-        values[place] = _numbers(path, sign.with_points(row[named:], number), number, 1 + named)
-    names = [row[0].strip() if named else str(place) for place, row in enumerate(rows, start=1)]
-    return _Lines(tuple(names), values, first_line, 1 + named)
+    if not named:
+        for number, (first, row) in enumerate(zip(firsts, rows, strict=True), start=first_line):
+            row[:1] = _numbers(path, sign.with_points([first], number), number, 1)
+        counting = _counting(rows[0], start=0) or ("" if firsts[0] else counting)
+    names = firsts if named else [str(number) for number in range(1, len(rows) + 1)]
+    ids = "" if named or len(rows) < 2 else _counting(np.array([row[0] for row in rows]), start=0)
+    return _Lines(
+        names=tuple(names), values=[row[int(named) :] for row in rows], first_line=first_line,
+        first_cell=1 + named, decimal_comma=sign.comma, dropped=dropped,
+        counting=f"line {first_line} ({counting})" if counting else "", ids=ids,
+    )  # fmt: skip
+
+
+def _counting(numbers: NDArray[np.float64], start: int = 1) -> str:
+    """Return the first of some numbers where they count from 0 or 1; else nothing.
+
+    Args:
+        numbers: Shape (n,).
+        start: How many of them do not matter.
+    """
+    own = numbers[start:]
+    if len(own) < 2 or own[0] not in (0, 1):
+        return ""
+    if not np.array_equal(own, own[0] + np.arange(len(own))):
+        return ""
+    return ", ".join(f"{number:.0f}" for number in own[:3]) + " …" * (len(own) > 3)
+
+
+def _is_index(firsts: Sequence[str]) -> bool:
+    """Return whether the first cells of lines are what tells these apart: words, or whole numbers
+    that increase.
+    """
+    if all(map(is_whole, firsts)):
+        numbers = [int(first) if len(first) < 10 else -1 for first in firsts]
+        return bool(numbers) and numbers == sorted(set(numbers))
+    return not any(is_missing(first) or is_number(first.replace(",", ".")) for first in firsts)
 
 
 def _numbers(path: Path, cells: list[str], line: int, first_cell: int) -> NDArray[np.float64]:
@@ -204,7 +281,7 @@ def _check_finite(path: Path, lines: _Lines, places: Sequence[int]) -> None:
         if (odd := np.flatnonzero(~(np.abs(lines.values[place]) <= LARGEST_VALUE))).size:
             raise BadTable(
                 "a finite number that 32 bits hold",
-                f"{lines.values[place, odd[0]]} in {path}, line {lines.first_line + place}, cell "
+                f"{lines.values[place][odd[0]]} in {path}, line {lines.first_line + place}, cell "
                 f"{lines.first_cell + odd[0]}",
                 "mend the file, or keep such cells as invalid with --missing keep",
             )  # fmt: skip
@@ -223,7 +300,3 @@ def _place(path: Path, name: str, names: Sequence[str]) -> int:
             "correct it",
         )  # fmt: skip
     return found[0]
-
-
-def _stripped(cells: Sequence[str]) -> list[str]:
-    return [cell.strip() for cell in cells]

@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.foreign.sheets import file_behind
@@ -31,7 +32,7 @@ from taxel.recordings.imports.tables import Column, Missing, Table, TimeColumn
 from taxel.recordings.imports.trial_runs import TextTrials
 from taxel.recordings.imports.trial_sets import Padding
 from taxel.recordings.imports.wav_tables import wav_reader
-from taxel.signals import Mark, Samples
+from taxel.signals import Mark, Samples, Validity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,13 +74,21 @@ def reader_of(
         if not file_behind(row.file).is_file():
             raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
         table, padding = read()
-        values, marked = without_marked(table.values, row.missing)
+        values, marked = without_marked(table.values, row.missing, table.dtype)
         table = replace(table, values=values)
         samples = Samples.from_values(table.values, table.time_s, row.full_scale)
+        if row.full_scale is not None and table.rails is not None:
+            samples = replace(samples, validity=samples.validity | _clipped(table, table.rails))
         marks = tuple(_marks(row, samples, table.dropped.rows)) if row.by_row else ()
         return Content(table=table, samples=samples, marks=marks, padding=padding, marked=marked)
 
     return content
+
+
+def _clipped(table: Table, rails: tuple[float, float]) -> NDArray[np.uint8]:
+    """Return the flags of values at either end of what a file's numbers can hold."""
+    ends = (table.values <= rails[0]) | (table.values >= rails[1])
+    return np.where(ends, Validity.SATURATED, 0).astype(np.uint8)
 
 
 def in_pieces(row: ImportRow, content: Content, wholes: Sequence[Mark]) -> Content:
@@ -180,11 +189,13 @@ def _by_layout(
 ) -> Table:
     try:
         values, time_s, names, units = reader(row.file)
+        held = np.asarray(values)
         table = Table(
-            values=np.asarray(values, np.float64),
+            values=held.astype(np.float64),
             time_s=np.asarray(time_s, np.float64),
             names=tuple(names),
             units=tuple(units),
+            dtype=held.dtype,
         )
     except BadTable:
         raise

@@ -86,12 +86,14 @@ class _Times:
     """How many rows the file has, with those that were left out."""
     text: bool
     """Whether it is a text, whose trials the column `trials` may tell apart."""
+    line: str
+    """What stands before the number of a line."""
 
     def step_to(self, row: int) -> str:
         """Return the time of a row beside that of the row above, and where it stands."""
         return (
             f"{self.time_s[row]:.6g} s after {self.time_s[row - 1]:.6g} s in {self.path}, "
-            f"line {self.lines[row]}"
+            f"{self.line} {self.lines[row]}"
         )
 
 
@@ -103,6 +105,7 @@ def check_time(
     *,
     text: bool = False,
     strays: Sequence[range] | None = None,
+    line: str = "line",
 ) -> DroppedRows:
     """Refuse times that are not finite or do not increase.
 
@@ -114,6 +117,8 @@ def check_time(
         first_line: Number of the line that holds the first of them.
         text: Whether it is a text, whose trials the column `trials` may tell apart.
         strays: The rows, from 0, whose times are garbled, in lots; by default they are looked for.
+        line: What stands before a line's number in messages, such as "line 1, cell" where the
+            numbers are those of a line's cells.
 
     Returns:
         The rows that are to be left out; none where such rows are refused.
@@ -122,8 +127,8 @@ def check_time(
         BadTable: Says file and line.
     """
     if not np.isfinite(time_s).all():
-        line = int(np.argmin(np.isfinite(time_s))) + first_line
-        raise BadTable("a time in every row", f"none in {path}, line {line}", "mend the file")
+        place = f"{line} {int(np.argmin(np.isfinite(time_s))) + first_line}"
+        raise BadTable("a time in every row", f"none in {path}, {place}", "mend the file")
     drop = bad_times.garbled == "drop"
     lots = strays_of(time_s) if strays is None else strays
     if drop and strays is None:
@@ -132,9 +137,9 @@ def check_time(
             lots = with_leaps
     garbled = [row for lot in lots for row in lot]
     if garbled and not (drop and _few(len(garbled), len(time_s))):
-        raise _garbled(path, time_s, lots, first_line)
+        raise _garbled(path, time_s, lots, first_line, line)
     rows = np.delete(np.arange(len(time_s)), garbled)
-    times = _Times(path, time_s[rows], rows + first_line, len(time_s), text)
+    times = _Times(path, time_s[rows], rows + first_line, len(time_s), text, line)
     _refuse_far(times)
     again = np.flatnonzero(np.diff(times.time_s) == 0) + 1
     few = bad_times.repeated == "drop" and _few(len(again), times.of)
@@ -150,7 +155,11 @@ def _few(count: int, rows: int) -> bool:
 
 
 def _garbled(
-    path: Path | str, time_s: NDArray[np.float64], strays: Sequence[range], first_line: int
+    path: Path | str,
+    time_s: NDArray[np.float64],
+    strays: Sequence[range],
+    first_line: int,
+    line: str,
 ) -> BadTable:
     """Return the error of garbled times."""
     count = sum(map(len, strays))
@@ -160,7 +169,7 @@ def _garbled(
         if _few(count, len(time_s))
         else "mend the times, or give a rate instead of a time column: --garbled-times " + _AT_MOST
     )
-    got = strays_in_words(time_s, strays, first_line, path)
+    got = strays_in_words(time_s, strays, first_line, path, line)
     return BadTable(_INCREASING, got, f"such a time is garbled: {mend}")
 
 
@@ -169,7 +178,7 @@ def _refuse_far(times: _Times) -> None:
     far = np.abs(times.time_s) > FURTHEST_S
     if far.any():
         row = int(np.argmax(far))
-        got = f"{times.time_s[row]:.6g} s in {times.path}, line {times.lines[row]}"
+        got = f"{times.time_s[row]:.6g} s in {times.path}, {times.line} {times.lines[row]}"
         raise BadTable(f"times of at most {FURTHEST_S:g} s", got, _MEND_UNIT)
 
 

@@ -110,7 +110,11 @@ def _lots(back: int, count: int) -> Iterator[range]:
 
 
 def strays_in_words(
-    time_s: NDArray[np.float64], strays: Sequence[range], first_line: int, path: Path | str
+    time_s: NDArray[np.float64],
+    strays: Sequence[range],
+    first_line: int,
+    path: Path | str,
+    line: str = "line",
 ) -> str:
     """Return where the first of some strays stands, between which times, and how many there are.
 
@@ -119,6 +123,7 @@ def strays_in_words(
         strays: As `strays_of` returns them; at least one.
         first_line: Number of the line that holds the first time.
         path: The file, for messages.
+        line: What stands before that number, as in `check_time`.
     """
     rows, count = strays[0], sum(map(len, strays))
     own = " and ".join(f"{time_s[row]:.14g} s" for row in rows)
@@ -131,6 +136,6 @@ def strays_in_words(
     where = "between" if len(beside) > 1 else "beside"
     more = f", the first of {count} such rows" if count > len(rows) else ""
     return (
-        f"{own} in {path}, {'line' if len(rows) == 1 else 'lines'} {lines}, {where} "
+        f"{own} in {path}, {line if len(rows) == 1 else f'{line}s'} {lines}, {where} "
         f"{' and '.join(beside)}{more}"
     )

@@ -11,9 +11,10 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +67,8 @@ class TextColumns:
     """Whether each row ends in a separator, with an empty cell behind it that was left out."""
     passed_over: str = ""
     """Which lines around the names are no rows, and why, for a note; or empty."""
+    dtype: np.dtype[Any] = field(default_factory=lambda: np.dtype(np.float64))
+    """Of the numbers in the file; of a text those that its cells became."""
 
 
 def text_columns(
@@ -165,7 +168,7 @@ def _values(
     return np.concatenate(blocks)
 
 
-def npy_columns(path: Path, wanted: Sequence[str]) -> NDArray[np.float64]:
+def npy_columns(path: Path, wanted: Sequence[str]) -> TextColumns:
     """Return the wanted columns of a .npy file of shape (rows, columns), numbered from 1.
 
     One of shape (rows,) has one column.
@@ -196,14 +199,14 @@ def npy_columns(path: Path, wanted: Sequence[str]) -> NDArray[np.float64]:
                 for place, index in enumerate(where):
                     file.seek(start + index * rows * dtype.itemsize)
                     values[:, place] = np.frombuffer(file.read(rows * dtype.itemsize), dtype)
-                return values
+                return TextColumns(values=values, first_line=1, dtype=dtype)
             file.seek(start)
             step = max(1, _BLOCK_BYTES // max(1, columns * dtype.itemsize))
             for row in range(0, rows, step):
                 count = min(step, rows - row)
                 block = np.frombuffer(file.read(count * columns * dtype.itemsize), dtype)
                 values[row : row + count] = block.reshape(count, columns)[:, where]
-            return values
+            return TextColumns(values=values, first_line=1, dtype=dtype)
     except BadFile as error:
         raise BadTable(
             "a .npy file of numbers", f"{path}: {error.got}", "write it again"

@@ -13,7 +13,7 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,6 @@ from taxel.recordings.imports.row_times import (
     check_time,
 )
 from taxel.recordings.imports.table_columns import (
-    TextColumns,
     npy_columns,
     npy_shape,
     text_columns,
@@ -85,6 +84,13 @@ class Table:
     """Whether each row ends in a separator, with an empty cell behind it that was left out."""
     passed_over: str = ""
     """Which lines around the names are no rows, and why, for a note; or empty."""
+    doubts: tuple[str, ...] = ()
+    """What may have been meant in another way, for notes."""
+    dtype: np.dtype[Any] = field(default_factory=lambda: np.dtype(np.float64))
+    """Of the numbers that the file holds; those of texts are of 64 bits."""
+    rails: tuple[float, float] | None = None
+    """Lowest and highest value that the file's numbers can hold, where a converter clips; None
+    where that is not known."""
     dropped: DroppedRows = field(default_factory=DroppedRows)
     """Rows of the file, or of the trial, that were left out because of their times."""
 
@@ -203,7 +209,7 @@ def read_table(
     if ending.endswith(".npy"):
         if time.column is not None:
             refuse_stamps(time.column, str(path))
-        text = TextColumns(values=npy_columns(path, wanted), first_line=1)
+        text = npy_columns(path, wanted)
     elif is_text(path.name):
         text = text_columns(path, wanted, stamps, but)
     else:
@@ -226,6 +232,7 @@ def read_table(
         decimal_comma=text.decimal_comma,
         one_more=text.one_more,
         passed_over=text.passed_over,
+        dtype=text.dtype,
     )
     if in_trials or time.column is None:
         return table
@@ -239,11 +246,20 @@ def check_values(
     names: Sequence[str],
     missing: Missing,
     first_line: int = 1,
+    place: str = "line {row}, column {name!r}",
 ) -> None:
     """Refuse a table without rows, and values that are not finite unless they are to be kept.
 
+    Args:
+        path: The file, for messages.
+        values: Shape (n, channels).
+        names: Of the channels.
+        missing: What happens to values that are not finite.
+        first_line: Number of the first row.
+        place: Where a value stands, by its row's number and its channel's name.
+
     Raises:
-        BadTable: Says file, line and column.
+        BadTable: Says file and place.
     """
     if len(values) == 0:
         raise BadTable("rows of numbers", f"none in {path}", "leave the file out")
@@ -253,7 +269,8 @@ def check_values(
     row, column = np.argwhere(~fits)[0]
     raise BadTable(
         "a finite number that 32 bits hold",
-        f"{values[row, column]} in {path}, line {row + first_line}, column {names[column]!r}",
+        f"{values[row, column]} in {path}, "
+        + place.format(row=row + first_line, name=names[column]),
         "mend the file, or keep such cells as invalid with --missing keep",
     )
 

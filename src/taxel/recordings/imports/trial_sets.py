@@ -282,14 +282,18 @@ def label_texts(held: Held, what: str) -> tuple[list[str], bool]:
     give the number of their column, from 0.
 
     Raises:
-        BadTable: It has several values for each trial, or some without a value.
+        BadTable: It has several values for each trial, some without a value, or too many trials.
     """
     if isinstance(held, Texts):
         return _filled(list(held.values), what), False
     if isinstance(held, Cells):
         return _filled([_only(item, what) for item in held.items], what), False
     shape = tuple(side for side in held.shape if side != 1)
-    if len(shape) > 2 or math.prod(shape) > _MOST_NUMBERS or held.dtype.kind not in "biuf":
+    if (rows := shape[0] if shape else 1) > MOST_TRIALS:  # before any are read, also of no columns
+        raise BadTable(f"values of at most {MOST_TRIALS:,} trials", f"{rows:,} in {what}",
+                       "name another array, or cut the file into several")  # fmt: skip
+    few = 0 < math.prod(shape) <= _MOST_NUMBERS
+    if not few or len(shape) > 2 or held.dtype.kind not in "biuf":
         raise _one_each(what, str(held))
     try:
         array = held.whole().reshape(shape)

@@ -77,9 +77,10 @@ def _read(
         raise BadTable("a file that can be read", f"{path}: {error.strerror or error}",
                        "check the path") from error  # fmt: skip
     names = tuple(column.name for column in columns)
-    check_values(path, values, names, missing)
+    check_values(path, values, names, missing, place="value {row} of channel {name}")
     return Table(values=values, time_s=np.arange(len(values)) / head.rate_hz, names=names,
-                 units=tuple(column.unit for column in columns))  # fmt: skip
+                 units=tuple(column.unit for column in columns), rails=head.rails,
+                 dtype=np.dtype(f"f{head.bits // 8}" if head.is_float else np.float64))  # fmt: skip
 
 
 def _check_rate(path: Path, head: WavHead, stated_hz: float | None) -> None:

@@ -241,7 +241,8 @@ class ArrayTrials:
         time_s = self._time_s(index, cells, rows)
         dropped = check_time(where, time_s, bad_times)
         units = tuple(column.unit for column in self._columns)
-        table = Table(values=values, time_s=time_s, names=names, units=units)
+        table = Table(values=values, time_s=time_s, names=names, units=units,
+                      dtype=cells.dtype)  # fmt: skip
         return table.without(dropped), padding
 
     def close(self) -> None:
