@@ -85,7 +85,9 @@ def sheet_names(path: Path) -> list[str]:
     """Return the names of a workbook's first sheets.
 
     Raises:
-        As `sheet_lines`.
+        BadFile: It is no whole workbook, or takes too much time or memory.
+        MissingExtra: openpyxl is not installed.
+        OSError: It is not there, or may not be read.
     """
     names: list[str] = _answer(path, [], subprocess.DEVNULL)["names"]
     return names
