@@ -218,7 +218,9 @@ def test_grips_that_do_not_fit_the_wire_are_refused(bad: tuple[int, int, int, fl
 
 def test_contact_that_the_board_does_not_stop_at_trips_the_interlock_and_stops_the_hand() -> None:
     """The grip names a limit that contact never reaches; the host's threshold does."""
-    limits = InterlockConfig(min_n=0.0, max_n=1.0, contact_ma=300.0, contact_s=0.03, stall_s=1.0)
+    limits = InterlockConfig(
+        min_n=0.0, max_n=1.0, contact_ma=300.0, contact_s=0.03, stall_s=1.0, current_s=1.0
+    )
     lock = Interlock(limits)
     with rigged() as (board, driven):
         hand = driven.armed()
