@@ -254,3 +254,11 @@ def test_a_class_that_is_only_later_is_sent_to_the_split_by_class():
               for trial, rank in zip(dataset.trials, ranks, strict=True)]  # fmt: skip
     with pytest.raises(BadSplit, match="order:take:70%:by-class tests the later trials of each"):
         parse_split("order:take:2", replace(dataset, trials=trials), "shape", 5, 0)
+
+
+def test_a_group_that_by_class_refuses_is_not_sent_there():
+    """A day is the same day for both classes."""
+    with pytest.raises(BadSplit) as refused:
+        split_trials([{"Day": str(i)} for i in range(4)], np.array([0, 0, 1, 1]), "order:Day:1", 5,
+                     0)  # fmt: skip
+    assert "by-class" not in str(refused.value)

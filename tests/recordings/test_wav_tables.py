@@ -160,3 +160,6 @@ def test_a_wav_file_in_the_tables_place_is_described(folder):
     """With what it holds."""
     with pytest.raises(BadTable, match="a WAV file: 2 channels of 50 values, 16-bit integers"):
         import_table(folder / "cup_1.WAV", folder / "out")
+    (folder / "cut.wav").write_bytes(b"RIFF")
+    with pytest.raises(BadTable, match=r"cannot be read either: needed a WAV file \(RIFF\)"):
+        import_table(folder / "cut.wav", folder / "out")

@@ -29,7 +29,11 @@ def names_share(words: Sequence[str]) -> bool:
 
 
 def by_class_too(key: str) -> str:
-    """Return the end of a message on a class that is only later: the split that tests each."""
+    """Return the end of a message on a class that is only later: the split that tests each class;
+    nothing where it would be refused, since trials of one value belong together.
+    """
+    if key.casefold() in TOGETHER:
+        return ""
     return f"; order:{key}:70%:{BY_CLASS} tests the later trials of each class"
 
 

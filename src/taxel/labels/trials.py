@@ -110,9 +110,8 @@ def coarsest_group(trials: Sequence[Trial], split: str = "") -> str:
     """Return the group to draw or hold out as a whole: the coarsest of which there are two.
 
     That is the session, else the file, else the recording, else what pieces were cut from, else the
-    trial. A group that a split
-    holds out takes its place, such as an object that was touched in several sessions, unless it
-    lies within it.
+    trial. A group that a split holds out takes its place, such as an object that was touched in
+    several sessions, unless it lies within it.
 
     Args:
         trials: Those that are judged, at least one.

@@ -16,6 +16,8 @@ fewer places in long windows, are our choice, docs/decisions/0039.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -92,43 +94,33 @@ class KernelFeatures(nn.Module):
             inside = ((at >= 0) & (at <= last)).flatten().view(1, -1, 1)
             at = at.clamp(0, last).flatten()
             if last * slots < TAPS * places * int(values.shape[2]):  # the less work
-                taps = self._seen(values, number).index_select(1, at) * inside
+                taps = self._seen(partial(values.index_select, 2), number).index_select(1, at)
             else:
-                taps = self._seen(values.index_select(1, at), number) * inside
+                taps = self._seen(partial(values.index_select(1, at).index_select, 2), number)
+            taps = taps * inside
         else:
             free = (rows - (TAPS - 1) * apart).clamp(min=1).view(-1, 1, 1)
             at = ((self.place * free).long() + tap).clamp(max=last).flatten(1)
-            taps = self._seen_at(values, at, number)
+            flat, first = values.flatten(1), at.unsqueeze(2) * int(values.shape[2])
+
+            def taken(channel: Tensor) -> Tensor:  # nothing but what is looked at
+                own = flat.gather(1, (first + channel).flatten(1))
+                return own.reshape(-1, TAPS * places, slots)
+
+            taps = self._seen(taken, number)
         kernels = torch.from_numpy(kernels_of(slots, number))
         seen = taps.double().transpose(1, 2).reshape(-1, slots, TAPS, places)
         return torch.matmul(kernels, seen)
 
-    def _seen(self, values: Tensor, number: int) -> Tensor:
-        """Return what each slot sees in all rows, shape (n, rows, slots).
+    def _seen(self, taken: Callable[[Tensor], Tensor], number: int) -> Tensor:
+        """Return what each slot sees, shape (n, rows, slots).
 
         A difference stays in single precision, so that sums of it are exact, too.
-        """
-        less = self.less[number]
-        own = values.index_select(2, self.channel[number])
-        if int(less.max()) == ALONE:
-            return own
-        other = values.index_select(2, less.clamp(min=0))
-        return torch.where(less == ALONE, own, own - other)
-
-    def _seen_at(self, values: Tensor, at: Tensor, number: int) -> Tensor:
-        """Return the same in other rows of each window, without what is not looked at.
 
         Args:
-            values: Shape (n, steps, channels).
-            at: Which rows, shape (n, rows).
+            taken: Channels' numbers → their values, shape (n, rows, slots).
             number: Of the dilation.
         """
-        flat, first = values.flatten(1), at.unsqueeze(2) * int(values.shape[2])
-        shape = (-1, int(at.shape[1]), int(self.channel.shape[1]))
-
-        def taken(channel: Tensor) -> Tensor:
-            return flat.gather(1, (first + channel).flatten(1)).reshape(shape)
-
         own, less = taken(self.channel[number]), self.less[number]
         if int(less.max()) == ALONE:
             return own

@@ -12,11 +12,10 @@ from taxel.errors import BadFile, BadTable, MissingExtra
 from taxel.foreign.array_files import ARRAY_ENDINGS, open_arrays
 from taxel.foreign.held_arrays import table_of
 from taxel.foreign.sheets import is_sheet, sheet_names
-from taxel.foreign.wav_file import WAV_ENDING
+from taxel.foreign.wav_file import WAV_ENDING, read_wav_head
 from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.own_groups import refuse_own_groups
 from taxel.recordings.imports.table_columns import read_cells
-from taxel.recordings.imports.wav_tables import wav_in_words
 
 PLAIN_COLUMNS = (
     "file", "trials", "axes", "length", "pieces", "channels", "time", "layout", "sensor",
@@ -55,9 +54,7 @@ def _holds(path: Path) -> tuple[str, str]:
     """Return what is known of a file that is no table, and what to do: of arrays, their names and
     shapes, or why they cannot be read.
     """
-    if path.name.lower().endswith(WAV_ENDING):
-        return (f"is {wav_in_words(path)}" if wav_in_words(path) else "is not one"), _WRITE_ONE
-    if not (path.name.lower().endswith(ARRAY_ENDINGS) or is_sheet(path)):
+    if not (path.name.lower().endswith((*ARRAY_ENDINGS, WAV_ENDING)) or is_sheet(path)):
         return "is not one", _WRITE_ONE
     try:
         return f"is a {_in_words(path)}", _WRITE_ONE
@@ -74,7 +71,9 @@ def _holds(path: Path) -> tuple[str, str]:
 
 
 def _in_words(path: Path) -> str:
-    """Return which sheets a workbook holds, or which arrays another file."""
+    """Return which sheets a workbook holds, how many values a WAV file, or which arrays another."""
+    if path.name.lower().endswith(WAV_ENDING):
+        return f"WAV file: {read_wav_head(path)}"
     if is_sheet(path):
         names = sheet_names(path)
         some = ", ".join(visible(name) for name in names[:6]) + (" …" if names[6:] else "")

@@ -54,14 +54,6 @@ def wav_reader(path: Path, channels: str, time: str, where: str) -> Callable[[Mi
     return lambda missing: _read(path, columns, rate_hz, missing)
 
 
-def wav_in_words(path: Path) -> str:
-    """Return what a WAV file holds; empty where it cannot be read."""
-    try:
-        return f"a WAV file: {read_wav_head(path)}"
-    except (BadFile, OSError):
-        return ""
-
-
 def _read(
     path: Path, columns: tuple[Column, ...], rate_hz: float | None, missing: Missing
 ) -> Table:
