@@ -87,9 +87,7 @@ def test_a_recording_that_is_replayed_is_not_recorded_over_under_any_of_its_name
         pass
     link.symlink_to(file)
     for url in (str(file), f"replay://{file}?speed=max", str(link)):
-        with pytest.raises(
-            BadInput, match="which is replayed; name a new file"
-        ):
+        with pytest.raises(BadInput, match="which is replayed; name a new file"):
             refuse_replayed(file, ["sim://teng", url])
     refuse_replayed(other, ["sim://teng", str(file)])
 
