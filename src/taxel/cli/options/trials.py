@@ -130,10 +130,10 @@ class TrialOptions:
         mixed = {trial.recorded for trial in (*trials, *others)} == {True, False}
         known = {own: trial.name for trial in trials for own in _digests(trial, mixed)}
         for trial in others:
-            if same := next((own for own in _digests(trial, mixed) if own in known), None):
+            if twin := next((own for own in _digests(trial, mixed) if own in known), None):
                 raise BadInput(
                     "other trials to test on than to train on",
-                    f"{trial.name} in {self.test}, which holds the images of {known[same]}",
+                    f"{trial.name} in {self.test}, which holds the images of {known[twin]}",
                     "take it out of one of the two",
                 )
         return [
