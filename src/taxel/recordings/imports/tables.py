@@ -9,6 +9,7 @@ Background of our choices: docs/decisions/0011.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
@@ -43,6 +44,8 @@ MOST_CHANNELS = 16_384
 """Of a table; the largest skins have some 5,000. Source: our choice."""
 ALL = "*"
 """In the place of a channel's name: all columns but that of time."""
+_GRID = re.compile(r"(.{1,40}):(\d{1,4})x(\d{1,4})")
+"""A grid of channels: its name, rows and columns."""
 TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Unit of a time column → seconds."""
 STAMPS = "iso"
@@ -107,6 +110,9 @@ class Table:
 def parse_columns(text: str, where: str) -> tuple[Column, ...]:
     """Return the columns of a text such as "Data0[count] Data1[count] 7[deg]".
 
+    NAME:ROWSxCOLUMNS[UNIT] stands for a grid, row by row: "thumb:14x6[count]" for thumb_r1c1 to
+    thumb_r14c6.
+
     Raises:
         BadTable: A word is not NAME[UNIT], or a name comes twice.
     """
@@ -116,8 +122,12 @@ def parse_columns(text: str, where: str) -> tuple[Column, ...]:
         name, bracket, unit = (part.strip() for part in word.partition("["))
         if not (name and bracket and unit) or "[" in unit:
             raise _no_unit(f"{word.strip()}]", where)
-        found.append(Column(name=name, unit=unit))
-        if len(found) > MOST_CHANNELS:
+        grid = _GRID.fullmatch(name)
+        sides = (int(grid[2]), int(grid[3])) if grid else (1, 1)
+        if len(found) + math.prod(sides) <= MOST_CHANNELS:
+            names = [name] if grid is None else grid_names(f"{grid[1]}_", *sides)
+            found += [Column(name=own, unit=unit) for own in names]
+        else:
             raise BadTable(f"at most {MOST_CHANNELS:,} channels in {where}", "more", "split them")
     if more.strip():
         raise _no_unit(more.split()[0], where)
@@ -127,6 +137,11 @@ def parse_columns(text: str, where: str) -> tuple[Column, ...]:
             f"at least one channel, each once, in {where}", repr(text[:80]), "correct it"
         )
     return tuple(found)
+
+
+def grid_names(prefix: str, rows: int, columns: int) -> list[str]:
+    """Return what the channels of a grid are called, row by row: prefix, r1c1, …"""
+    return [f"{prefix}r{r}c{c}" for r in range(1, rows + 1) for c in range(1, columns + 1)]
 
 
 def _no_unit(word: str, where: str) -> BadTable:

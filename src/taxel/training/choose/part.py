@@ -62,7 +62,8 @@ class Part:
             return self.quick
         windows = self.prepared.dataset.windows
         _, steps, channels = windows.values.shape
-        return feature_sets(steps, channels, padded=bool(windows.padded))
+        grids = bool(self.prepared.grids)
+        return feature_sets(steps, channels, padded=bool(windows.padded), grids=grids)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset
 from taxel.labels.joined import with_joined_label
 from taxel.labels.trials import Trial
+from taxel.models.grid_features import Grids, grids_of
 from taxel.models.kernel_features import KernelFeatures
 from taxel.models.touch_features import compute_features, pads_of
 from taxel.plain_text import number_of
@@ -134,14 +135,18 @@ class Prepared:
         """Return each channel's pad."""
         return pads_of(self.dataset.sensor.channels)
 
+    @property
+    def grids(self) -> Grids:
+        """Return where channels lie, by their names."""
+        return grids_of(self.dataset.sensor.channels)
+
     def features(self, blocks: tuple[str, ...]) -> NDArray[np.float32]:
         """Return features of the kept windows, shape (kept, features); computed once."""
         with self.computing:
             if blocks not in self.cache:
                 windows = self.dataset.windows
-                self.cache[blocks] = compute_features(
-                    blocks, self.pads, windows.values[self.kept], windows.mask[self.kept]
-                )
+                own = windows.values[self.kept], windows.mask[self.kept]
+                self.cache[blocks] = compute_features(blocks, self.pads, *own, self.grids)
             return self.cache[blocks]
 
     def fitted_features(
