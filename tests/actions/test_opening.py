@@ -2,11 +2,15 @@
 
 import builtins
 import math
+import os
+import pty
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import modbus_rig
 import pytest
+import serial
 from hand_rig import emulated_hand
 from jaka_rig import emulated_jaka
 
@@ -23,6 +27,29 @@ from taxel.errors import BadInput, MissingExtra
 
 def decided(state: Stability) -> StabilityDecision:
     return StabilityDecision(state, "", 0.0, 0.5)
+
+
+@pytest.mark.parametrize("address", ["pge://{port}?max_force_n=50", "hand://{port}"])
+def test_a_port_is_one_programs_and_why_it_cannot_be_opened_is_in_plain_words(
+    address: str, tmp_path: Path
+) -> None:
+    """Two programs never drive the same fingers, and nobody looks for a cable in vain."""
+    inner, outer = pty.openpty()
+    free = os.ttyname(outer)
+    try:
+        with serial.Serial(free, exclusive=True):
+            _refused(address.format(port=free), "another program holds it")
+    finally:
+        os.close(inner)
+        os.close(outer)
+    _refused(address.format(port=tmp_path / "none"), "no such device")
+
+
+def _refused(address: str, why: str) -> None:
+    device = open_actuator(address)
+    with pytest.raises(BadInput, match=rf"got a port that cannot be opened: {why}; check power"):
+        device.connect()
+    device.close()
 
 
 def test_real_devices_open_by_address_and_are_well() -> None:

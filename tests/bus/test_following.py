@@ -1,13 +1,16 @@
 """What a publisher reads of a station's rings, and what the page makes of depth."""
 
-from collections.abc import Iterator
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, nullcontext
 from time import monotonic
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from taxel.bus.following import DECISIONS, SOURCES, STATE, Following
+from taxel.errors import BadInput
 from taxel.frame_codec import encode_depth, encode_jpeg
 from taxel.image_head import is_sound
 from taxel.live.station.beats import Beats, BeatsView
@@ -138,3 +141,35 @@ def test_the_page_shows_depth_in_colours(rings: Rings) -> None:
         assert view.frame(0) is None
     finally:
         view.close()
+
+
+@pytest.mark.parametrize(
+    ("module", "opens", "entry"),
+    [
+        ("taxel.bus.zenoh_publisher", "Bus", "publish"),
+        ("taxel.bus.foxglove_server", "FoxgloveServer", "show"),
+        ("taxel.fleet.reporter", "Reporter", "report"),
+    ],
+)
+def test_a_publisher_that_cannot_open_lets_go_of_the_rings(
+    rings: Rings, module: str, opens: str, entry: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else Python prints a traceback for each ring as the process ends, above the one line."""
+    closed: list[Following] = []
+
+    def close(following: Following, really: Callable[[Following], None] = Following.close) -> None:
+        closed.append(following)
+        really(following)
+
+    def refuse(*_: object) -> None:
+        raise BadInput("a free port", "none", "choose another")
+
+    publisher = pytest.importorskip(module)
+    monkeypatch.setattr(Following, "close", close)
+    monkeypatch.setattr(publisher, "at_work", lambda _: nullcontext())
+    monkeypatch.setattr(publisher, opens, refuse)
+    job: Any = SimpleNamespace(place=None, view=rings.view, address=None, bundles=(), port=1,
+                               token=None)  # fmt: skip
+    with pytest.raises(BadInput, match="a free port"):
+        getattr(publisher, entry)(job)
+    assert len(closed) == 1

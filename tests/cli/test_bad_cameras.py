@@ -184,3 +184,21 @@ def test_the_same_images_are_not_trained_on_and_tested_on(
 
     assert "other trials to test on than to train on" in line
     assert "holds the images of" in line
+
+
+@pytest.mark.parametrize(("data", "test"), [("train.csv", "rec"), ("rec", "train.csv")])
+def test_nor_are_recordings_that_were_imported_from_them(
+    tmp_path: Path, refused: Callable[[list[str]], str], data: str, test: str
+) -> None:
+    rng = np.random.default_rng(0)
+    lines = ["camera:a,label:kind"]
+    for n in range(4):
+        np.save(tmp_path / f"t{n}.npy", rng.integers(0, 255, (9, 24, 32, 3), np.uint8))
+        lines.append(f"t{n}.npy,{'pq'[n % 2]}")
+    (tmp_path / "train.csv").write_text("\n".join(lines) + "\n")
+    main(["import", str(tmp_path / "train.csv"), "--output", str(tmp_path / "rec")])
+
+    line = refused(["evaluate-trials", str(tmp_path / data), "--test", str(tmp_path / test),
+                    "--cache", str(tmp_path / "c")])  # fmt: skip
+
+    assert "holds the images of 0001-t0" in line

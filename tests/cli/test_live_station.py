@@ -161,6 +161,7 @@ def test_what_a_person_must_know_stands_beside_the_json_not_in_it(
         (["--gripper", "sim"], "a source sim://cup-pour with --gripper sim"),
         (["--tell", "udp://8.8.8.8:5005"], "an address of this machine"),
         (["--record", "{pour}"], "which exists"),
+        (["--record", "{pour}", "--overwrite"], "which is replayed"),
         (["--record", "x.mcap", "--label", "cup"], "--label NAME=VALUE"),
         (
             ["--label", "object=cup", "--group", "session=3"],

@@ -11,6 +11,7 @@ import pytest
 from taxel.cli.options.pairs import parse_pairs
 from taxel.cli.recordings.import_ import Import
 from taxel.cli.recordings.info import Info
+from taxel.cli.recordings.record import Record
 from taxel.cli.recordings.recording import ledger_line, record_source, stop_signals
 from taxel.cli.recordings.recover import Recover
 from taxel.errors import BadInput, BadSource
@@ -153,6 +154,16 @@ def test_a_source_without_scans_leaves_no_file(tmp_path):
     with pytest.raises(BadSource, match="none before it ended"):
         record(Numbered(0), tmp_path / "a.mcap", 1.0)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_replayed_is_not_recorded_over(tmp_path):
+    """Two tenths of a second do not take the place of the second that they come from."""
+    file = tmp_path / "a.mcap"
+    record(Numbered(1000), file, 1.0)
+    before = file.read_bytes()
+    with pytest.raises(BadInput, match="which is replayed"):
+        Record(f"replay://{file}?speed=max", file, 0.2, overwrite=True).run()
+    assert file.read_bytes() == before
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])

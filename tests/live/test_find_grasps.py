@@ -7,6 +7,7 @@ import pytest
 from taxel.bundles.grasp import read_grasp_bundle
 from taxel.bundles.shipped import shipped_bundle
 from taxel.clock import ManualClock
+from taxel.decisions.reasons import kind_of
 from taxel.live.grasp_monitor import GraspAnswer, GraspMonitor
 from taxel.live.grasp_session import run_grasp_session
 from taxel.sim.pour.cups import draw_cup
@@ -38,6 +39,7 @@ def test_nothing_is_held_until_the_grasp_is_found_soon_after_both_gels_press(
     delay_s = answers[began][0].time_s - first_s - approach.settled_s
     assert 0.0 < delay_s < 0.4
     assert {a.decision.state.name for a, _ in answers[:began]} == {"NO_GRASP"}
+    assert {kind_of(a.decision.reason) for a, _ in answers[:began]} == {"no grasp yet"}
     assert answers[began][0].decision.state.name == "UNKNOWN"
     later = {a.decision.state.name for a, _ in answers[began + 20 : began + 30]}
     assert later == {"STABLE"}, "the moments that stood still are the settled grasp's first"
@@ -59,6 +61,18 @@ def test_a_key_begins_a_grasp_that_is_not_waited_for() -> None:
     assert states[0] == "UNKNOWN"
     assert "STABLE" in states
     assert "NO_GRASP" not in states
+
+
+def test_a_grasp_has_ended_only_where_one_had_begun() -> None:
+    bundle = read_grasp_bundle(shipped_bundle("slip-rule"))
+    with open_source(ADDRESS, ManualClock()) as source:
+        monitor = GraspMonitor(bundle, source.cameras)
+    assert kind_of(monitor.at(0.0).reason) == "no grasp yet"
+    assert kind_of(monitor.over(0.1).reason) == "grasp over"
+    assert kind_of(monitor.at(0.2).reason) == "grasp over"
+    begun_by_hand = GraspMonitor(bundle, source.cameras)
+    begun_by_hand.reset()
+    assert kind_of(begun_by_hand.at(0.0).reason) != "no grasp yet"
 
 
 def test_another_cup_is_another_approach() -> None:

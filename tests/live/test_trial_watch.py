@@ -94,6 +94,30 @@ def test_a_frame_without_its_partner_at_the_end_changes_no_verdict(
     assert (tally.trials[0]["verdict"], tally.trials[0]["frames"]) == ("full", 9)
 
 
+@pytest.mark.parametrize(("end", "frames", "label"), [(7, 4, "full"), (4, 1, "UNKNOWN")])
+def test_what_was_seen_outside_of_a_trial_s_mark_is_no_part_of_its_verdict(
+    monkeypatch: pytest.MonkeyPatch, end: int, frames: int, label: str
+) -> None:
+    """As in evaluation; before, the verdict took in all that came before the mark's end."""
+    watch = watch_of(monkeypatch, crop=2)
+    looks: list[list[int]] = []
+    real = watch._crop
+    monkeypatch.setattr(
+        watch, "_crop",
+        lambda sets: looks.append([own.frames[0].counter for own in sets]) or real(sets),
+    )  # fmt: skip
+    for number in range(12):
+        watch.push(moment(number))
+    looks.clear()
+
+    answer = watch.finish(Mark(start_s=4 / 25.0, end_s=end / 25.0, labels={"fill": "full"}))
+
+    assert answer is not None
+    assert (answer.frames, answer.verdict.label) == (frames, label)
+    assert looks == ([[4, 5], [5, 6], [6, 7]] if label == "full" else [])
+    assert watch.finish() is None
+
+
 def test_where_all_cameras_are_silent_the_verdict_is_unknown_and_the_seconds_end(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

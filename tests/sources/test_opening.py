@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from taxel.clock import ManualClock
-from taxel.errors import BadRecording, BadSource, TaxelError
+from taxel.errors import BadInput, BadRecording, BadSource, TaxelError
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import SensorInfo
-from taxel.sources.opening import at_full_speed, open_source
+from taxel.sources.opening import at_full_speed, open_source, refuse_replayed
 
 BAD = {
     "sim://hand": "sim://teng",
@@ -78,6 +78,18 @@ def test_a_relative_path_follows_the_slashes(tmp_path: Path, monkeypatch: pytest
     for url in ("replay://runs/x.mcap", "runs/x.mcap?speed=2"):
         with open_source(url, ManualClock()) as source:
             assert source.info == info
+
+
+def test_a_recording_that_is_replayed_is_not_recorded_over_under_any_of_its_names(tmp_path: Path):
+    info = SensorInfo(name="t", channels=("a",), units=("V",), rate_hz=10.0)
+    file, link, other = (tmp_path / name for name in ("x.mcap", "link.mcap", "other.mcap"))
+    with Recorder(file, Manifest(sensor=info)):
+        pass
+    link.symlink_to(file)
+    for url in (str(file), f"replay://{file}?speed=max", str(link)):
+        with pytest.raises(BadInput, match="which is replayed; name a new file"):
+            refuse_replayed(file, ["sim://teng", url])
+    refuse_replayed(other, ["sim://teng", str(file)])
 
 
 def test_full_speed_is_added_only_where_no_speed_is_named():

@@ -11,7 +11,7 @@ from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.jobs.local import LocalEngine
 from taxel.jobs.running import use_engine
 from taxel.recordings.manifest import NO_ARRAY, Manifest
-from taxel.recordings.reader import read_manifest
+from taxel.recordings.reader import iterate_tactile, read_manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.windows import camera_recordings, camera_trials
@@ -243,6 +243,37 @@ def test_a_recording_with_two_labelled_stretches_is_no_camera_trial(tmp_path: Pa
 
     with pytest.raises(BadDataset, match=r"one labelled stretch in each.*got 2 in .*b\.mcap"):
         read_camera_trials(tmp_path)
+
+
+def marked(path: Path, start_s: float, end_s: float) -> Path:
+    """Copy a recording with one mark."""
+    with Recorder(path, read_manifest(path.with_name("a.mcap"))) as recorder:
+        for frame in iterate_tactile(path.with_name("a.mcap")):
+            recorder.frame(frame)
+        recorder.mark(Mark(start_s=start_s, end_s=end_s, labels={"kind": "q"}))
+    return path
+
+
+def test_a_trial_is_its_labelled_stretch_not_what_was_recorded_around_it(tmp_path: Path):
+    """Frames of an unlabelled next grasp stood for the first one's label."""
+    (whole,) = read_camera_trials(record(tmp_path / "a.mcap", LEVELS, marked=False))
+    (part,) = read_camera_trials(marked(tmp_path / "b.mcap", 0.2, 0.45))
+
+    assert (whole.frames, part.frames) == (12, 6)
+    for camera in (0, 1):
+        expected = list(whole.read(camera))[4:10]
+        np.testing.assert_array_equal(list(part.read(camera)), expected)
+    only = tmp_path / "only" / "a.mcap"
+    only.parent.mkdir()
+    record(only, LEVELS[4:10], marked=False)
+    assert part.digest == read_camera_trials(only)[0].digest != whole.digest
+    assert read_camera_trials(marked(tmp_path / "c.mcap", 0.0, 0.55))[0].digest == whole.digest
+
+
+def test_a_labelled_stretch_without_a_frame_is_refused(tmp_path: Path):
+    record(tmp_path / "a.mcap", LEVELS, marked=False)
+    with pytest.raises(BadDataset, match=r"within the labelled stretch; got none in .*b\.mcap"):
+        read_camera_trials(marked(tmp_path / "b.mcap", 3.0, 4.0))
 
 
 @pytest.mark.parametrize(("stated", "rate_hz"), [("50", 50.0), ("", 25.0)])

@@ -117,3 +117,21 @@ def test_where_no_trial_has_the_label_those_that_they_have_are_named(tmp_path: P
         only_labelled(bare, "shape", tmp_path)
     with pytest.raises(BadDataset, match=r"one class only \(ball\)"):
         check_classes(whole.trials[:1], "kind")
+
+
+@pytest.mark.parametrize(
+    ("channels", "units", "needed", "mend"),
+    [
+        (("y", "x"), ("V", "V"), r"x, y, in this order.*got y, x in", "channels in this order"),
+        (("x", "y"), ("V", "N"), r"channels in V .*got y in N \(not V\) in", "this unit"),
+        (("x", "z"), ("V", "V"), r"x, y, in this order.*got x, z in", "name recordings of this"),
+    ],
+)
+def test_a_folder_of_another_order_or_unit_is_refused_by_what_differs(
+    tmp_path: Path, channels: tuple[str, ...], units: tuple[str, ...], needed: str, mend: str
+):
+    first = load_dataset(folder_of(tmp_path, "one", 1.0), PLAIN)
+    other = replace(PAD, channels=channels, units=units)
+
+    with pytest.raises(BadDataset, match=f"{needed}.*{mend}"):
+        join_datasets(first, folder_of(tmp_path, "two", 3.0, other), "kind")

@@ -8,6 +8,7 @@ outlives a stop. Knows nothing about interlocks or sensors. Source: protocol/SPE
 from __future__ import annotations
 
 import math
+import termios
 from collections import deque
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ import serial
 from taxel.actions.bus_worker import Command
 from taxel.clock import Clock
 from taxel.errors import BadInput
+from taxel.sources.boards.port import why_not_open
 from taxel.wire import messages as wire
 from taxel.wire.framing import DELIMITER, FrameDecoder, frame_of
 
@@ -119,9 +121,13 @@ class HandLink:
 
     def open(self) -> None:
         config = self._config
-        self._port = serial.Serial(
-            config.port, config.baud, timeout=0, write_timeout=config.write_s, exclusive=True
-        )
+        try:
+            self._port = serial.Serial(
+                config.port, config.baud, timeout=0, write_timeout=config.write_s, exclusive=True
+            )
+        except (OSError, ValueError, termios.error) as error:
+            why = why_not_open(error)
+            raise ConnectionError(f"a port that cannot be opened: {why}") from error
         self._decoder = FrameDecoder()
         self._port.write(DELIMITER)
         hello = self._await_hello()

@@ -41,6 +41,7 @@ from taxel.actions.gripper import GripperStatus, Latency, Motion
 from taxel.clock import Clock
 from taxel.errors import BadInput
 from taxel.plain_text import number_of
+from taxel.sources.boards.port import trouble_of
 
 INITIALISE, FORCE, POSITION, SPEED = 0x0100, 0x0101, 0x0103, 0x0104
 INITIALISED = 0x0200
@@ -175,7 +176,8 @@ class _Bus:
             retries=0,  # ours are counted below, each with a quiet line before it
         )
         if not self._client.connect():
-            raise BusError(f"the port {config.port} cannot be opened")
+            why = trouble_of(config.port, BAUD)  # pymodbus keeps it to itself
+            raise BusError(f"a port that cannot be opened{': ' if why else ''}{why}")
         self._force = self._position = None  # it may have been switched off: believe nothing
         initialised, _, _ = self._read()
         (set_pct,) = self._read_from(FORCE, 1)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from time import monotonic
-from typing import Any
+from typing import Any, Self
 
 from taxel.image_head import is_sound
 from taxel.live.station.beats import BeatsView
@@ -46,7 +46,7 @@ class Item:
 
 
 class Following:
-    """All rings of a station, read by one process.
+    """All rings of a station, read by one process; use it in a `with` block.
 
     Args:
         view: The station's rings.
@@ -123,6 +123,12 @@ class Following:
         self._board.close()
         for reader in (*self._sources, *self._decisions, self._status):
             reader.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 def _source_items(

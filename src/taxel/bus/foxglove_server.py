@@ -235,15 +235,16 @@ class FoxgloveView:
 
 def show(job: FoxgloveView) -> None:
     """Serve viewers until asked to end; the entry point of the process."""
-    with at_work(job.place) as pulse:
-        following = Following(job.view)
-        with FoxgloveServer(following, job.port, job.token) as server:
-            pulse.report("opened", server.url)
-            waiting = threading.Event()
-            while not pulse.stopping and server.running:
-                server.show(following.take())
-                pulse.consumed = following.taken
-                pulse.dropped = following.lost + server.dropped
-                pulse.beat()
-                waiting.wait(_LOOK_S)
-        following.close()
+    with (
+        at_work(job.place) as pulse,
+        Following(job.view) as following,
+        FoxgloveServer(following, job.port, job.token) as server,
+    ):
+        pulse.report("opened", server.url)
+        waiting = threading.Event()
+        while not pulse.stopping and server.running:
+            server.show(following.take())
+            pulse.consumed = following.taken
+            pulse.dropped = following.lost + server.dropped
+            pulse.beat()
+            waiting.wait(_LOOK_S)

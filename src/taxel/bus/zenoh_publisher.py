@@ -38,21 +38,22 @@ class ZenohPublishing:
 
 def publish(job: ZenohPublishing) -> None:
     """Publish until asked to end; the entry point of the process."""
-    with at_work(job.place) as pulse:
-        following = Following(job.view)
-        with Bus(job.address) as bus:
-            pulse.report("opened", bus.where)
-            settle_memory()
-            due_s = monotonic()
-            while not pulse.stopping:
-                bus.publish(following)
-                pulse.consumed, pulse.produced = following.taken, bus.sent
-                pulse.dropped = following.lost
-                pulse.beat()
-                due_s = max(due_s + BATCH_S, monotonic())
-                sleep(max(0.0, due_s - monotonic()))
+    with (
+        at_work(job.place) as pulse,
+        Following(job.view) as following,
+        Bus(job.address) as bus,
+    ):
+        pulse.report("opened", bus.where)
+        settle_memory()
+        due_s = monotonic()
+        while not pulse.stopping:
             bus.publish(following)
-        following.close()
+            pulse.consumed, pulse.produced = following.taken, bus.sent
+            pulse.dropped = following.lost
+            pulse.beat()
+            due_s = max(due_s + BATCH_S, monotonic())
+            sleep(max(0.0, due_s - monotonic()))
+        bus.publish(following)
 
 
 class Bus:

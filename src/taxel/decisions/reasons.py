@@ -64,6 +64,12 @@ REASONS: dict[str, Reason] = {
         "also after lost input.",
         "Wait. If it stays, the answers contradict each other: look at the number on the page.",
     ),
+    "no grasp yet": Reason(
+        "no grasp has been found yet",
+        "Grasps are found in the images, and none has been found so far. The state is NO GRASP: no "
+        "grip is raised or lowered, and it is not a fault.",
+        "Nothing: the first grasp is found by itself. Press n if an object is held already.",
+    ),
     "grasp over": Reason(
         "the grasp has ended: nothing is held",
         "The source reported that a grasp is over. The state is NO GRASP: no grip is raised or "

@@ -165,12 +165,18 @@ class StabilityMonitor:
             return self._doubted(REASONS["old"].say(age_s=age_s), now_s)
         return self._decision
 
-    def over(self, now_s: float) -> StabilityDecision:
-        """Take in that the grasp has ended and all of it is forgotten; return NO_GRASP."""
+    def over(self, now_s: float, before_any: bool = False) -> StabilityDecision:
+        """Take in that the grasp has ended and all of it is forgotten; return NO_GRASP.
+
+        Args:
+            now_s: This moment on the frames' clock, seconds.
+            before_any: True where no grasp has begun yet, so that none can have ended.
+        """
         before = self._decision
         self.reset()
         self._decision = before
-        return self._decide(Stability.NO_GRASP, REASONS["grasp over"].say(), now_s, float("nan"))
+        reason = REASONS["no grasp yet" if before_any else "grasp over"].say()
+        return self._decide(Stability.NO_GRASP, reason, now_s, float("nan"))
 
     def doubt(self, reason: str, now_s: float) -> StabilityDecision:
         """Take in that nothing can be said now, and why; return UNKNOWN."""

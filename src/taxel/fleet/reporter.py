@@ -52,20 +52,21 @@ class Reporting:
 
 def report(job: Reporting) -> None:
     """Report until asked to end; the entry point of the process."""
-    with at_work(job.place) as pulse:
-        following = Following(job.view)
-        with Reporter(job.address, bundle_names(job.bundles)) as reporter:
-            pulse.report("opened", reporter.where(_CONNECTS_S))
-            settle_memory()
-            while not pulse.stopping:
-                for item in following.take():
-                    if isinstance(item.value, dict):
-                        reporter.take_in(item.topic, item.value)
-                reporter.report(time.monotonic())
-                pulse.consumed, pulse.produced = following.taken, reporter.sent
-                pulse.beat()
-                time.sleep(_LOOK_S)
-        following.close()
+    with (
+        at_work(job.place) as pulse,
+        Following(job.view) as following,
+        Reporter(job.address, bundle_names(job.bundles)) as reporter,
+    ):
+        pulse.report("opened", reporter.where(_CONNECTS_S))
+        settle_memory()
+        while not pulse.stopping:
+            for item in following.take():
+                if isinstance(item.value, dict):
+                    reporter.take_in(item.topic, item.value)
+            reporter.report(time.monotonic())
+            pulse.consumed, pulse.produced = following.taken, reporter.sent
+            pulse.beat()
+            time.sleep(_LOOK_S)
 
 
 class Reporter:

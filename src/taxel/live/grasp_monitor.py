@@ -87,12 +87,13 @@ class GraspMonitor:
         find = any(camera.finds_grasps for camera in cameras) if find is None else find
         self._starts = GraspStarts(len(cameras)) if find else None
         self._forget()
-        self._over = find
+        self._over = self._before_any = find
 
     def reset(self) -> None:
         """Forget the grasp: the next frames are another one's settled first moments."""
         if self._starts is not None:
             self._starts.hold()
+        self._before_any = False
         self._forget()
 
     def _forget(self) -> None:
@@ -123,6 +124,7 @@ class GraspMonitor:
         """
         if self._starts is not None:
             self._starts = GraspStarts(len(self._cameras))
+        self._before_any = False
         self._leave()
         self._monitor.over(time_s)
         now_s = time_s if now_s is None else now_s
@@ -185,7 +187,7 @@ class GraspMonitor:
         if doubt:
             decision = self._monitor.doubt(doubt, now)
         elif self._over:
-            decision = self._monitor.over(now)
+            decision = self._monitor.over(now, self._before_any)
         elif self._rest is None or len(self._ring) < self.bundle.contract.frames:
             decision = self._monitor.doubt(self._waiting(), now)
         else:
@@ -207,7 +209,9 @@ class GraspMonitor:
         doubt = self._health.doubt(now_s)
         if doubt and self._begun:
             return self._monitor.doubt(doubt, now_s)
-        return self._monitor.over(now_s) if self._over else self._monitor.at(now_s)
+        if self._over:
+            return self._monitor.over(now_s, self._before_any)
+        return self._monitor.at(now_s)
 
     def late(self) -> dict[str, float]:
         """Return the cameras that deliver clearly later than the others: name, seconds."""
@@ -258,6 +262,7 @@ class GraspMonitor:
             return self._window(images, fresh, found), False
         ready, began = self._starts.take(images, fresh, found)
         if began:
+            self._before_any = False
             eyes, self._eyes = self._eyes, []
             self._forget()
             self._eyes = eyes

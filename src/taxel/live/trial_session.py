@@ -139,7 +139,7 @@ def run_trial_session(
 
     def finish(mark: Mark | None) -> None:
         nonlocal before
-        answer = watch.finish()
+        answer = watch.finish(mark)
         if answer is not None:
             tally.add(answer, None if mark is None else mark.labels.get(tally.target))
             on_answer(answer, True)

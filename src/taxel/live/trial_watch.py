@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -22,9 +23,9 @@ from taxel.errors import BadBundle, BadSource
 from taxel.frame_codec import decode_frame
 from taxel.live.camera_health import CameraHealth
 from taxel.plain_text import number_of
-from taxel.signals import CameraInfo, Frame
+from taxel.signals import CameraInfo, Frame, Mark
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.pairs import FrameSet
+from taxel.windows.pairs import FrameSet, within
 from taxel.windows.trial_crops import Scene, look_at, row_of
 
 MOST_FRAMES = 9000
@@ -120,8 +121,7 @@ class TrialWatch:
         past = self._count - contract.crop
         looked = past >= 0 and past % contract.layout.every == 0
         if past < 0:
-            so_far = f"{self._count} of the {number_of(contract.crop, 'frame')} of a crop"
-            self._verdict = no_verdict(contract.classes, so_far)
+            self._verdict = self._too_few()
         elif looked:
             self._look()
         doubt = self._bad or self._health.doubt(max(frame.arrival_s for frame in found.frames))
@@ -130,13 +130,19 @@ class TrialWatch:
             verdict, found.time_s, self._count, False, looked, perf_counter() - started
         )
 
-    def finish(self) -> TrialAnswer | None:
+    def finish(self, mark: Mark | None = None) -> TrialAnswer | None:
         """Hear that the trial is over; return the verdict on the whole of it, None without any.
 
         It is UNKNOWN where a camera was gone at the end: what the others saw alone is no part of
         it. The next frames begin another trial.
+
+        Args:
+            mark: The trial's stretch: what was seen outside of it is left out. None takes all.
         """
+        if mark is not None:
+            self._cut(mark)
         if not self._count:
+            self.reset()
             return None
         started = perf_counter()
         gone = None if self._gone is None else self._gone.verdict
@@ -146,6 +152,20 @@ class TrialWatch:
         )
         self.reset()
         return answer
+
+    def _cut(self, mark: Mark) -> None:
+        """Forget what was seen outside of a stretch; a trial too long to be kept stays as it is."""
+        inside = [own for own in self._sets if within(own.time_s, mark.start_s, mark.end_s)]
+        if self._count > MOST_FRAMES or len(inside) == self._count:
+            return
+        self._sets, self._count = inside, len(inside)
+        if self._count < self.bundle.contract.crop:
+            self._verdict = self._too_few()
+
+    def _too_few(self) -> Verdict:
+        contract = self.bundle.contract
+        so_far = f"{self._count} of the {number_of(contract.crop, 'frame')} of a crop"
+        return no_verdict(contract.classes, so_far)
 
     def _bad_verdict(self) -> Verdict | None:
         return no_verdict(self.bundle.contract.classes, self._bad) if self._bad else None
@@ -249,12 +269,8 @@ def predict_trials(
             yield no_verdict(contract.classes, f"{count}, fewer than a crop")
             continue
         starts = contract.layout.starts(trial.frames)
-        wanted = [start + at for start in starts for at in range(contract.crop)]
-        images = [trial.images(camera, wanted) for camera in range(len(trial.cameras))]
-        answers = [
-            predict_crop(bundle, [[own[s + at] for at in range(contract.crop)] for own in images])
-            for s in starts
-        ]
+        # map lets go of each crop before the next is read
+        answers = list(map(partial(predict_crop, bundle), trial.crops(starts, contract.crop)))
         yield join_crops(
             np.stack([own for own, _ in answers]), np.array([score for _, score in answers]),
             contract.classes, config,

@@ -14,11 +14,11 @@ Knows nothing about what is done with the samples.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from taxel.clock import Clock, SystemClock
-from taxel.errors import BadSource, MissingExtra
+from taxel.errors import BadInput, BadSource, MissingExtra
 from taxel.foreign.addresses import read_options
 from taxel.recordings.reader import list_recordings
 from taxel.sources.contract import Source
@@ -132,6 +132,26 @@ def replayed_files(url: str) -> list[Path]:
     """
     scheme, name, _ = _split(url)
     return list_recordings(Path(name)) if scheme == "replay" else []
+
+
+def refuse_replayed(path: Path, urls: Iterable[str]) -> None:
+    """Refuse to record over a recording that is replayed: what it holds beyond would be lost.
+
+    Args:
+        path: Where is to be recorded.
+        urls: The sources of what is to be recorded.
+
+    Raises:
+        BadInput: One of them is that very file.
+        BadSource: An address is wrong.
+    """
+    for url in urls:
+        scheme, name, _ = _split(url)
+        replayed = scheme == "replay" and path.exists() and Path(name).exists()
+        if replayed and path.samefile(name):
+            raise BadInput(
+                "another file to record to", f"{path}, which is replayed", "name a new file"
+            )
 
 
 def at_full_speed(url: str) -> str:

@@ -16,13 +16,24 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
 from taxel.jobs.running import shared_out, side_by_side
-from taxel.labels.trials import trials_of
+from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.reader import iterate_tactile, list_recordings, read_recording
 from taxel.signals import CameraInfo, SensorInfo
-from taxel.windows.pairs import FrameSet, join_frames
+from taxel.windows.pairs import FrameSet, join_frames, within
 
 LEAST_FRAMES = 12
 """A recording with fewer sets is refused: the longest window of the paper is 11."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Some successive sets of a recording's frames."""
+
+    first: int
+    """Number of the first."""
+    count: int
+    digest: str
+    """SHA-256 over their images in order, hexadecimal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +58,8 @@ class CameraRecording:
     """SHA-256 over all images in order, hexadecimal."""
     marked: int = 1
     """Labelled stretches; labels and groups are the first's."""
+    stretch: Stretch | None = None
+    """Where the first of them lies; None where it is all that was recorded."""
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -113,7 +126,26 @@ def read_camera_recording(path: Path | str, least: int = LEAST_FRAMES) -> Camera
         beside=_latest(recording.samples.values, recording.samples.fitted_s, time_s),
         digest=whole.hexdigest(),
         marked=len(trials),
+        stretch=None if first is None else _stretch(times, first, image, list(known)),
     )
+
+
+def _stretch(
+    times: Sequence[float], trial: Trial, image: Sequence[Sequence[int]], digests: Sequence[bytes]
+) -> Stretch | None:
+    """Return where a trial lies in its recording; None where it is all of it.
+
+    Args:
+        times: Of the sets of frames, seconds.
+        trial: The labelled stretch.
+        image: Which of the different images each frame of a set shows.
+        digests: SHA-256 of the different images.
+    """
+    inside = [n for n, time_s in enumerate(times) if within(time_s, trial.start_s, trial.end_s)]
+    if len(inside) == len(times):
+        return None
+    whole = hashlib.sha256(b"".join(digests[own] for n in inside for own in image[n]))
+    return Stretch(inside[0] if inside else 0, len(inside), whole.hexdigest())
 
 
 def read_camera_recordings(path: Path | str, least: int = LEAST_FRAMES) -> list[CameraRecording]:

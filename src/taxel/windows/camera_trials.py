@@ -7,10 +7,10 @@ images or single ones, which are read where they lie. Knows nothing about crops,
 from __future__ import annotations
 
 import hashlib
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -28,6 +28,7 @@ from taxel.recordings.reader import list_recordings, read_manifest
 from taxel.sim.pour.state import has_truth
 from taxel.windows.camera_recordings import (
     CameraRecording,
+    Stretch,
     camera_images,
     image_size,
     read_camera_recordings,
@@ -68,6 +69,22 @@ class CameraTrial:
         needed = set(wanted)
         found = enumerate(islice(self.read(camera), max(needed) + 1))
         return {number: image for number, image in found if number in needed}
+
+    def crops(self, starts: Sequence[int], length: int) -> Iterator[list[list[Image]]]:
+        """Yield crops: the images of each camera. Memory is that of one crop.
+
+        Args:
+            starts: First image of each crop, ascending.
+            length: Images in a crop.
+        """
+        streams = [self.read(camera) for camera in range(len(self.cameras))]
+        held: list[deque[Image]] = [deque(maxlen=length) for _ in streams]
+        read = 0
+        for start in starts:
+            for own, stream in zip(held, streams, strict=True):
+                own.extend(islice(stream, start + length - read))
+            read = start + length
+            yield [list(own) for own in held]
 
     def digests(self) -> tuple[str, ...]:
         """Return `digest` and, of files, the digest of the recording that an import makes of them.
@@ -208,19 +225,27 @@ def _of_pour(pour: CameraRecording) -> CameraTrial:
         )
 
     width, height = image_size([pour])
-    first = pour.cameras[0]
+    camera = pour.cameras[0]
+    cut = pour.stretch or Stretch(0, len(pour), pour.digest)
+    if not cut.count:
+        raise BadDataset(
+            "a frame of each camera within the labelled stretch", f"none in {pour.path}",
+            "correct the stretch's start and end",
+        )  # fmt: skip
+    behind = cut.first + cut.count
+    slip_um = pour.beside[cut.first : behind, 0] if has_truth(pour.sensor.channels) else None
     return CameraTrial(
         name=pour.name,
         labels=pour.labels,
         groups=pour.groups,
         cameras=tuple(camera.name for camera in pour.cameras),
-        frames=len(pour),
+        frames=cut.count,
         width=width,
         height=height,
-        rate_hz=first.rate_hz,
-        mm_per_px=first.mm_per_px,
-        digest=pour.digest,
+        rate_hz=camera.rate_hz,
+        mm_per_px=camera.mm_per_px,
+        digest=cut.digest,
         recorded=True,
-        read=partial(camera_images, pour),
-        slip_um=pour.beside[:, 0] if has_truth(pour.sensor.channels) else None,
+        read=lambda number: islice(camera_images(pour, number), cut.first, behind),
+        slip_um=slip_um,
     )

@@ -63,10 +63,21 @@ def join_datasets(first: Dataset, folder: Path, target: str) -> Dataset:
 
 
 def _check_alike(first: Dataset, second: Dataset, folder: Path) -> None:
-    if (first.sensor.channels, first.sensor.units) != (second.sensor.channels, second.sensor.units):
+    ours, theirs = first.sensor, second.sensor
+    if ours.channels != theirs.channels:
+        mend = "name recordings of this sensor"
+        if sorted(ours.channels) == sorted(theirs.channels):
+            mend = "import them again with the channels in this order"
         raise BadDataset(
-            f"the channels {', '.join(first.sensor.channels)} in the folder to test on too",
-            f"{', '.join(second.sensor.channels)} in {folder}", "name recordings of this sensor",
+            f"the channels {', '.join(ours.channels)}, in this order, in the folder to test on too",
+            f"{', '.join(theirs.channels)} in {folder}", mend,
+        )  # fmt: skip
+    if ours.units != theirs.units:
+        raise BadDataset(
+            f"channels in {', '.join(dict.fromkeys(ours.units))} in the folder to test on too",
+            next(f"{name} in {got} (not {needed}) in {folder}" for name, needed, got
+                 in zip(ours.channels, ours.units, theirs.units, strict=True) if needed != got),
+            "import them again with this unit if it is mistaken; or name others",
         )  # fmt: skip
     rates_hz = first.sensor.rate_hz, second.sensor.rate_hz
     if first.config.grid_hz is None and min(rates_hz) > 0 and differ(rates_hz):

@@ -13,6 +13,8 @@ from taxel.signals import Frame
 LARGEST_SKEW_S = 0.050
 """Frames further apart never make a set, seconds: three frames at 60 Hz, more than one at
 25 Hz. Source: our choice, docs/decisions/0012."""
+_ROUNDED_S = 1e-6
+"""By which times of a mark and of a frame may differ, seconds: recordings round both."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +28,11 @@ class FrameSet:
     def time_s(self) -> float:
         """When the latest of the frames was taken, fitted clock, seconds."""
         return max(frame.fitted_s for frame in self.frames)
+
+
+def within(time_s: float, start_s: float, end_s: float) -> bool:
+    """Return whether a moment belongs to a labelled stretch; all in seconds, one clock."""
+    return start_s - _ROUNDED_S <= time_s <= end_s + _ROUNDED_S
 
 
 class FramePairer:

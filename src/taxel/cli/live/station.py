@@ -128,12 +128,14 @@ def _check(options: StationOptions) -> None:
     """Refuse options that cannot work, before anything is opened."""
     from taxel.cli.live.bus import check_bus
     from taxel.recordings.part_file import check_output
+    from taxel.sources.opening import refuse_replayed
 
     check_bus(options.publish)
     if options.arm and options.gripper is None:
         raise BadInput("--gripper with --arm", "no gripper", "name one, or leave --arm out")
     if options.record is not None:
         check_output(options.record, options.overwrite)
+        refuse_replayed(options.record, options.sources)
 
 
 def _station_config(options: StationOptions, actuators: Sequence[Actuator]) -> StationConfig:

@@ -126,12 +126,14 @@ class TrialOptions:
         if self.test is None:
             return trials
         others = read_camera_trials(self.test)
-        known = {trial.digest: trial.name for trial in trials}
+        # A recording's own images are compared with those that an import makes of files.
+        mixed = {trial.recorded for trial in (*trials, *others)} == {True, False}
+        known = {own: trial.name for trial in trials for own in _digests(trial, mixed)}
         for trial in others:
-            if trial.digest in known:
+            if twin := next((own for own in _digests(trial, mixed) if own in known), None):
                 raise BadInput(
                     "other trials to test on than to train on",
-                    f"{trial.name} in {self.test}, which holds the images of {known[trial.digest]}",
+                    f"{trial.name} in {self.test}, which holds the images of {known[twin]}",
                     "take it out of one of the two",
                 )
         return [
@@ -153,6 +155,10 @@ class TrialOptions:
         return split_trials(
             trials.groups, trials.y, self.split, self.fold_count, self.seed, trials.classes
         )
+
+
+def _digests(trial: CameraTrial, mixed: bool) -> tuple[str, ...]:
+    return trial.digests() if mixed else (trial.digest,)
 
 
 def _alike(trials: list[CameraTrial]) -> dict[str, list[str]]:

@@ -62,7 +62,7 @@ class Record:
     def run(self) -> None:
         """Record, then print what was recorded and what was lost."""
         from taxel.sources.contract import board_ledgers
-        from taxel.sources.opening import open_source
+        from taxel.sources.opening import open_source, refuse_replayed
 
         if not self.seconds > 0:
             raise BadInput("--seconds above 0", f"{self.seconds:g}", "name a duration")
@@ -72,6 +72,7 @@ class Record:
         labels = parse_pairs(self.label, "--label")
         groups = parse_pairs(self.group, "--group")
         check_output(self.output, self.overwrite)
+        refuse_replayed(self.output, (self.source,))
         with stop_signals() as stopped, open_source(self.source) as source:
             ledger = record_source(
                 source,

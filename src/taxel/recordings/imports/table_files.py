@@ -42,8 +42,9 @@ def file_of(cell: str, data_dir: Path, where: str, *, outside: bool = False) -> 
         if link := _link_out(cell, data_dir):
             got += f", as {link!r} is a link that leads there"
             mend = (
-                "copy what it leads to into the folder, put the table beside the files themselves "
-                "(or name their folder with --data), or allow it with --allow-outside"
+                "copy what it leads to into the folder, or put the table beside the files "
+                "themselves; taxel import also takes their folder with --data, or allows it with "
+                "--allow-outside"
             )
         raise BadTable(f"a file in the folder {data_dir}", got, mend)
     return path

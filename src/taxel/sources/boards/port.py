@@ -131,7 +131,7 @@ class SerialPort:
                 self.path, self._baud, timeout=0, write_timeout=_WRITE_S, exclusive=True
             )
         except (OSError, ValueError, termios.error) as error:
-            self.trouble = _why(error)
+            self.trouble = why_not_open(error)
             return None
         with contextlib.suppress(OSError, ValueError, NotImplementedError, AttributeError):
             # Else an FTDI chip holds bytes back for 16 ms. Not every driver has it.
@@ -164,7 +164,22 @@ class SerialPort:
         self._chunks.append(chunk)
 
 
-def _why(error: Exception) -> str:
+def trouble_of(path: str, baud: int) -> str:
+    """Return why a port cannot be opened, in plain words, by trying once; empty where it can be.
+
+    Args:
+        path: A device such as /dev/serial/by-id/….
+        baud: Bits a second.
+    """
+    try:
+        serial.Serial(path, baud, exclusive=True).close()
+    except (OSError, ValueError, termios.error) as error:
+        return why_not_open(error)
+    return ""
+
+
+def why_not_open(error: Exception) -> str:
+    """Return in plain words why a port could not be opened, where the system says it."""
     number = getattr(error, "errno", None)
     if number == errno.EACCES:
         return "no permission: add yourself to the group dialout, and log in again"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.learning import Crops
 from taxel.training.frames.features import load_kept, save_kept
-from taxel.windows.camera_trials import CameraTrial
+from taxel.windows.camera_trials import CameraTrial, Image
 from taxel.windows.trial_crops import (
     FAMILIES,
     Layout,
@@ -185,16 +185,12 @@ def _kept(file: Path, trial: CameraTrial, cuts: _Cuts, name: str) -> NDArray[np.
 def _compute(
     trial: CameraTrial, cuts: _Cuts, families: Sequence[str]
 ) -> dict[str, NDArray[np.float32]]:
-    starts, crop = cuts.starts(trial.frames), cuts.layout.crop
-    wanted = [start + at for start in starts for at in range(crop)]
-    images = [trial.images(camera, wanted) for camera in range(len(trial.cameras))]
     scale = mm_per_px(trial.width, trial.mm_per_px)
-    each = [
-        look_at(
-            families,
-            [Scene([own[start + at] for at in range(crop)], trial.rate_hz, scale, cuts.network)
-             for own in images],
-        )
-        for start in starts
-    ]  # fmt: skip
+
+    def look(images: list[list[Image]]) -> dict[str, NDArray[np.float32]]:
+        scenes = [Scene(own, trial.rate_hz, scale, cuts.network) for own in images]
+        return look_at(families, scenes)
+
+    # map lets go of each crop before the next is read
+    each = list(map(look, trial.crops(cuts.starts(trial.frames), cuts.layout.crop)))
     return {name: np.stack([found[name] for found in each]) for name in families}
