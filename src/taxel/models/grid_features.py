@@ -120,7 +120,7 @@ def _imprint(image: Tensor, grid: Grid) -> Tensor:
     mean = rounded(image.mean(dim=2, keepdim=True))
     above = (image - mean).clamp(min=0.0)
     most = above.amax(dim=2, keepdim=True)
-    total, *raw = torch.matmul(above, torch.from_numpy(_powers(grid))).split(1, dim=2)
+    total, *raw = torch.matmul(above, torch.from_numpy(_powers(grid))).unsqueeze(3).unbind(dim=2)
     y, x, yy, yx, xx, yyy, yyx, yxx, xxx, yyxx = (part / (total + TINY) for part in raw)
     tall, wide, both = yy - y * y, xx - x * x, yx - y * x
     middle, apart = (tall + wide) / 2.0, (tall - wide) / 2.0

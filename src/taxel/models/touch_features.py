@@ -87,11 +87,10 @@ class TouchFeatures(nn.Module):
                 continue
             before, own = prefix_of(name), fine if name in FINE_BLOCKS else plain
             if before and before not in seen_as:
-                seen = (self._standardised(plain.values) if before == UNIT
+                made = (self._standardised(plain.values) if before == UNIT
                         else imprints(plain.values, self._grids))  # fmt: skip
-                seen_as[before] = Touch(
-                    plain.kept(seen, plain.present), None if plain.whole else plain.present
-                )
+                there = None if plain.whole else plain.present
+                seen_as[before] = Touch(plain.kept(made, plain.present), there)
             found.append(BLOCKS[name.removeprefix(before)][0](seen_as.get(before, own)))
         return torch.cat(found, dim=1)
 

@@ -59,6 +59,9 @@ class Column:
     name: str
     """The header's name, or the column's number from 1 where there is no header."""
     unit: str
+    in_grid: bool = False
+    """Whether the import table names a grid, which says what the file's columns are called from
+    then on, in order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +119,8 @@ def parse_columns(text: str, where: str) -> tuple[Column, ...]:
     Raises:
         BadTable: A word is not NAME[UNIT], or a name comes twice.
     """
-    found, more = [], text
+    found: list[Column] = []
+    more = text
     while "]" in more:
         word, _, more = more.partition("]")
         name, bracket, unit = (part.strip() for part in word.partition("["))
@@ -126,7 +130,7 @@ def parse_columns(text: str, where: str) -> tuple[Column, ...]:
         sides = (int(grid[2]), int(grid[3])) if grid else (1, 1)
         if len(found) + math.prod(sides) <= MOST_CHANNELS:
             names = [name] if grid is None else grid_names(f"{grid[1]}_", *sides)
-            found += [Column(name=own, unit=unit) for own in names]
+            found += [Column(name=own, unit=unit, in_grid=grid is not None) for own in names]
         else:
             raise BadTable(f"at most {MOST_CHANNELS:,} channels in {where}", "more", "split them")
     if more.strip():
@@ -217,7 +221,9 @@ def read_table(
     Raises:
         BadTable: Anything in the file is not as it should be; says where.
     """
+    called = columns
     columns = _all_columns(path, columns, time, but)
+    called = called if _is_grid(called) else columns
     wanted = names_of(columns, time)
     stamps = time.column.name if time.column and time.column.unit == STAMPS else ""
     ending = path.name.lower()
@@ -241,7 +247,7 @@ def read_table(
     table = Table(
         values=values,
         time_s=_time_s(cells, time),
-        names=tuple(column.name for column in columns),
+        names=tuple(column.name for column in called),
         units=tuple(column.unit for column in columns),
         number_header=text.number_header,
         decimal_comma=text.decimal_comma,
@@ -300,8 +306,10 @@ def _time_s(cells: NDArray[np.float64], time: TimeColumn) -> NDArray[np.float64]
 def _all_columns(
     path: Path, columns: Sequence[Column], time: TimeColumn, but: Collection[str]
 ) -> Sequence[Column]:
-    """Return the wanted columns, where * means all but that of time and those in `but`."""
-    if [column.name for column in columns] != [ALL]:
+    """Return the wanted columns by the file's own names, where * and a grid mean all but that of
+    time and those in `but`.
+    """
+    if not _is_grid(columns) and [column.name for column in columns] != [ALL]:
         return columns
     ending = path.name.lower()
     if ending.endswith(".npy"):
@@ -322,4 +330,17 @@ def _all_columns(
             f"between 1 and {MOST_CHANNELS:,} channels in {path}", f"{len(channels):,}",
             "name the channels",
         )  # fmt: skip
-    return [Column(name=name, unit=columns[0].unit) for name in channels]
+    if not _is_grid(columns):
+        return [Column(name=name, unit=columns[0].unit) for name in channels]
+    if {column.name for column in columns} <= set(channels):
+        return columns
+    if len(channels) != len(columns):
+        raise BadTable(
+            f"as many columns in {path} as the grid has places, {len(columns):,}",
+            f"{len(channels):,} beside that of time", "correct its rows and columns",
+        )  # fmt: skip
+    return [Column(name=name, unit=own.unit) for name, own in zip(channels, columns, strict=True)]
+
+
+def _is_grid(columns: Sequence[Column]) -> bool:
+    return all(column.in_grid for column in columns)
