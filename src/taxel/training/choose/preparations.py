@@ -56,8 +56,6 @@ trial below which it is one window as a whole. Source: as above."""
 _TENG_GATES = ((0.6, 60), (GATE_V, 60), (GATE_V, 12))
 """Gate in volts and rows of the recipes teng-robust and teng: first what leaves hardly a touch
 without a window (`docs/decisions/0039`)."""
-
-
 ROWS = WindowConfig(steps=1, stride=1, grid_hz=None)
 """Each scan as a window of its own: what recordings hold before they are cut."""
 
