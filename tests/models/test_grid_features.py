@@ -95,7 +95,7 @@ def test_an_imprint_is_where_and_as_wide_as_it_was_drawn():
 @pytest.mark.parametrize("block", sorted(IMAGE_BLOCKS))
 def test_a_touch_elsewhere_looks_alike(block: str):
     """Moved by a few taxels it gives the same numbers, but for its place; another does not."""
-    side = 40
+    side = 38
     grid = Grid(side, side, 0, side, 1)
     y, x = np.indices((side, side))
     here, there, other = (
@@ -112,6 +112,20 @@ def test_a_touch_elsewhere_looks_alike(block: str):
         found = np.delete(found, (3, 4), axis=1)
     np.testing.assert_allclose(found[0], found[1], rtol=1e-4, atol=1e-4)
     assert np.abs(found[0] - found[2]).max() > 0.01
+
+
+@pytest.mark.parametrize("sides", [(3, 3), (3, 900), (64, 64), (500, 4)])
+def test_grids_of_any_size_have_patterns(sides: tuple[int, int]):
+    """Of large ones the coarser images are looked at, of narrow ones those that are left."""
+    grid, count = Grid(*sides, 0, sides[1], 1), sides[0] * sides[1]
+    values = np.random.default_rng(0).normal(size=(2, 1, count)).astype(np.float32)
+    given = (0,) * count, values, np.ones((2, 1), bool), (grid,)
+
+    for block in IMAGE_BLOCKS:
+        found = compute_features((block,), *given)
+        assert np.isfinite(found).all()
+        assert not np.array_equal(found[0], found[1])
+    assert compute_features(("image patterns",), *given).shape[1] <= 504
 
 
 def test_an_untouched_pad_has_numbers():
