@@ -48,6 +48,11 @@ def one_row(images: list[np.ndarray], block: str) -> np.ndarray:
         ((NAMES[1], NAMES[0], *NAMES[2:]), ()),
         (tuple(f"r{r}c{c}" for r in range(2) for c in range(9)), ()),
         (tuple(f"thumb{n}" for n in range(16)), ()),
+        (tuple(f"sensor{r}c{c}" for r in range(4) for c in range(4)), ()),
+        (tuple(f"finger{r}_c{c}" for r in range(4) for c in range(4)), ()),
+        (tuple(f"r{r}c{c}" for r in (1, 2, 9) for c in range(3)), ()),
+        ((*NAMES, "R1C1", "r01c1"), ()),
+        (tuple(f"r{'1' * 5000}c{n}" for n in range(9)), ()),
     ],
 )  # fmt: skip
 def test_grids_are_known_by_the_names_of_their_channels(
@@ -136,6 +141,28 @@ def test_an_untouched_pad_has_numbers():
     np.testing.assert_array_equal(found[0], [7.25, *[0.0] * 17])
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1e-3, 1e9])
+def test_an_imprint_s_shape_does_not_depend_on_the_unit(unit: float):
+    """Volts or microvolts: where it lies, how wide and how even it is stay."""
+    image = blob(3.0, 9.0, 1.0, 2.0)
+    one, other = one_row([image, image * np.float32(unit)], "imprint")
+
+    np.testing.assert_allclose(other[:3], one[:3] * unit, rtol=1e-5)
+    np.testing.assert_allclose(other[3:], one[3:], rtol=1e-4, atol=1e-6)
+
+
+def test_a_touch_that_stands_still_has_a_still_imprint():
+    """It is its own mean to the last digit, however long the trial is: no rounding is learned."""
+    image = blob(4.0, 6.0, 1.3, 2.1)
+    spread = []
+    for rows in (2, 7, 12):
+        still = np.tile(image, (1, rows, 1)), np.ones((1, rows), bool)
+        spread.append(compute_features((f"{GRID}statistics",), PADS, *still, GRIDS)[0])
+
+    np.testing.assert_array_equal(spread[0], spread[1])
+    np.testing.assert_array_equal(spread[0], spread[2])
+
+
 def drawn(count: int, steps: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Return touches of two shapes anywhere on the pad, and their classes."""
     random = np.random.default_rng(seed)
@@ -205,6 +232,8 @@ def test_arrays_without_a_grid_are_seen_as_before():
     [
         [], [[2, 14, 0, 14, 1]], [[10, 14, 0, 15, 1]], [[10, 14, -1, 14, 1]],
         [[10, 14, 0, 14]], [[10_000_000, 10_000_000, 0, 0, 0]], "none",
+        [[3, 3, 0, 1e30, 0]], [[3, 3, 0, 0, 0]], [[3, 3, 0, 4, 1], [3, 3, 0, 4, 1]],
+        [[3.5, 3, 0, 14, 1]],
     ],
 )  # fmt: skip
 def test_weights_that_name_no_such_grid_are_refused(grids: object):

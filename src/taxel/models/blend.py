@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -241,13 +242,18 @@ def read_plan(text: bytes) -> Plan:
 
 
 def _grids(given: Fields, channels: int) -> Grids:
-    found = []
+    found, taken = [], set[int]()
     for own in given.array("grids", (None, len(Grid._fields))):
-        grid = Grid(*(int(number) for number in own))
-        if min(grid.rows, grid.columns) < SMALLEST or grid.rows * grid.columns > channels:
-            raise ValueError(f"a grid of {grid.rows} × {grid.columns}")
-        if not 0 <= grid.channels.min() <= grid.channels.max() < channels:
+        if (own != np.trunc(own)).any() or (np.abs(own) > channels).any():
             raise ValueError("a grid of channels that there are not")
+        grid = Grid(*(int(number) for number in own))
+        count = grid.rows * grid.columns
+        if min(grid.rows, grid.columns) < SMALLEST or count > channels:
+            raise ValueError(f"a grid of {grid.rows} × {grid.columns}")
+        numbers = set(grid.channels.tolist())
+        if not numbers <= set(range(channels)) or len(numbers) < count or numbers & taken:
+            raise ValueError("a grid of channels that there are not, or twice")
+        taken |= numbers
         found.append(grid)
     return tuple(found)
 

@@ -45,7 +45,12 @@ THRESHOLDS = (0.5, 2.0)
 IMPRINT_NUMBERS = 18
 """What `imprints` gives of each grid."""
 _TAPS = 3
-_PLACE = re.compile(r"(.*?)r(?:ow)?_?(\d+)_?c(?:ol)?_?(\d+)(.*)", re.IGNORECASE)
+_PLACE = re.compile(
+    r"(|.*?[^a-z])r(?:ow)?_?([0-9]{1,4})_?c(?:ol)?_?([0-9]{1,4})((?:[^0-9].*)?)", re.IGNORECASE
+)
+"""A channel's name; the r of a word such as "sensor1" is no row."""
+_FINEST = 2.0**24
+"""Parts of the grid's longer side: what is finer in an imprint's shape is rounding."""
 
 
 class Grid(NamedTuple):
@@ -77,23 +82,26 @@ def grids_of(channels: tuple[str, ...]) -> Grids:
     Args:
         channels: Names.
     """
-    stems: dict[tuple[str, str], dict[tuple[int, int], int]] = defaultdict(dict)
+    stems: dict[tuple[str, str], list[tuple[int, int, int]]] = defaultdict(list)
     for number, name in enumerate(channels):
         if place := _PLACE.fullmatch(name):
-            stems[place[1], place[4]][int(place[2]), int(place[3])] = number
+            stems[place[1], place[4]].append((int(place[2]), int(place[3]), number))
     found = (_grid(places) for places in stems.values())
     return tuple(grid for grid in found if grid is not None)
 
 
-def _grid(places: dict[tuple[int, int], int]) -> Grid | None:
-    """Return where channels lie, by (row, column), if they fill a grid in order."""
-    rows, columns = (len({place[axis] for place in places}) for axis in (0, 1))
-    if min(rows, columns) < SMALLEST or len(places) != rows * columns:
+def _grid(places: list[tuple[int, int, int]]) -> Grid | None:
+    """Return where channels lie, by (row, column, channel), if they fill a grid in order."""
+    sides = [sorted({place[axis] for place in places}) for axis in (0, 1)]
+    rows, columns = map(len, sides)
+    even = all(len(set(np.diff(side))) == 1 for side in sides)
+    if not even or min(rows, columns) < SMALLEST or len(places) != rows * columns:
         return None
-    ordered = np.array([places[place] for place in sorted(places)])
+    ordered = np.array([number for _, _, number in sorted(places)])
     first, across, down = (int(ordered[at]) for at in (0, 1, columns))
     grid = Grid(rows, columns, first, down - first, across - first)
-    return grid if np.array_equal(grid.channels, ordered) else None
+    twice = len({place[:2] for place in places}) < len(places)
+    return None if twice or not np.array_equal(grid.channels, ordered) else grid
 
 
 def imprints(values: Tensor, grids: Grids) -> Tensor:
@@ -124,27 +132,36 @@ def _imprint(image: Tensor, grid: Grid) -> Tensor:
     mean = rounded(image.mean(dim=2, keepdim=True))
     above = (image - mean).clamp(min=0.0)
     most = above.amax(dim=2, keepdim=True)
-    total, *raw = torch.matmul(above, torch.from_numpy(_powers(grid))).unsqueeze(3).unbind(dim=2)
-    y, x, yy, yx, xx, yyy, yyx, yxx, xxx, yyxx = (part / (total + TINY) for part in raw)
+    share = above / _or_one(most)
+    total, *raw = torch.matmul(share, torch.from_numpy(_powers(grid))).unsqueeze(3).unbind(dim=2)
+    y, x, yy, yx, xx, yyy, yyx, yxx, xxx, yyxx = (part / _or_one(total) for part in raw)
     tall, wide, both = yy - y * y, xx - x * x, yx - y * x
     middle, apart = (tall + wide) / 2.0, (tall - wide) / 2.0
     length = (apart.square() + both.square()).sqrt()
-    square = above.square()
+    square = share.square()
     second = square.sum(dim=2, keepdim=True)
     fourth = square.square().sum(dim=2, keepdim=True)
-    found = [
-        mean, total / count, most, y, x, tall, wide, both, middle + length, middle - length,
+    shape = [
+        y, x, tall, wide, both, middle + length, middle - length,
         yyy - 3.0 * y * yy + 2.0 * y**3,
         yyx - 2.0 * y * yx - x * yy + 2.0 * y * y * x,
         yxx - 2.0 * x * yx - y * xx + 2.0 * x * x * y,
         xxx - 3.0 * x * xx + 2.0 * x**3,
         yyxx - 2.0 * x * yyx - 2.0 * y * yxx + x * x * yy + y * y * xx + 4.0 * y * x * yx
         - 3.0 * y * y * x * x,
-        total / (count * (most + TINY)),
-        total.square() / (count * second + TINY),
-        second.square() / (count * fourth + TINY),
+        total / count,
+        total.square() / (count * _or_one(second)),
+        second.square() / (count * _or_one(fourth)),
     ]  # fmt: skip
-    return torch.cat(found, dim=2)
+    level = torch.cat([mean, total * most / count, most], dim=2)
+    # Rounded as scans are measured: else a touch that stands still would not be its own mean.
+    even = torch.round(torch.cat(shape, dim=2) * _FINEST) / _FINEST
+    return rounded(torch.cat([level, even], dim=2))
+
+
+def _or_one(divisor: Tensor) -> Tensor:
+    """Return what may be divided by: 1 where it is 0, for then what is divided is 0, too."""
+    return torch.where(divisor > 0.0, divisor, torch.ones_like(divisor))
 
 
 def _powers(grid: Grid) -> NDArray[np.float64]:

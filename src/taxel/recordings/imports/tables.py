@@ -44,8 +44,10 @@ MOST_CHANNELS = 16_384
 """Of a table; the largest skins have some 5,000. Source: our choice."""
 ALL = "*"
 """In the place of a channel's name: all columns but that of time."""
-_GRID = re.compile(r"(.{1,40}):(\d{1,4})x(\d{1,4})")
+_GRID = re.compile(r"(.{1,40}):([0-9]{1,4})x([0-9]{1,4})")
 """A grid of channels: its name, rows and columns."""
+_PLACE = re.compile(r"(.*?)r(?:ow)?_?([0-9]{1,4})_?c(?:ol)?_?([0-9]{1,4})", re.IGNORECASE)
+"""What a file may call a column of a grid."""
 TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Unit of a time column → seconds."""
 STAMPS = "iso"
@@ -59,9 +61,9 @@ class Column:
     name: str
     """The header's name, or the column's number from 1 where there is no header."""
     unit: str
-    in_grid: bool = False
-    """Whether the import table names a grid, which says what the file's columns are called from
-    then on, in order."""
+    grid: str = ""
+    """What the import table calls the grid in which it lies, such as pad:3x4; where that names
+    nothing but grids, a file's columns are called so from then on, in order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,9 +130,14 @@ def parse_columns(text: str, where: str) -> tuple[Column, ...]:
             raise _no_unit(f"{word.strip()}]", where)
         grid = _GRID.fullmatch(name)
         sides = (int(grid[2]), int(grid[3])) if grid else (1, 1)
+        if 0 in sides:
+            raise BadTable(
+                f"a grid of at least one row and column in {where}", repr(name), "correct it"
+            )
         if len(found) + math.prod(sides) <= MOST_CHANNELS:
             names = [name] if grid is None else grid_names(f"{grid[1]}_", *sides)
-            found += [Column(name=own, unit=unit, in_grid=grid is not None) for own in names]
+            of_grid = "" if grid is None else name
+            found += [Column(name=own, unit=unit, grid=of_grid) for own in names]
         else:
             raise BadTable(f"at most {MOST_CHANNELS:,} channels in {where}", "more", "split them")
     if more.strip():
@@ -332,15 +339,32 @@ def _all_columns(
         )  # fmt: skip
     if not _is_grid(columns):
         return [Column(name=name, unit=columns[0].unit) for name in channels]
-    if {column.name for column in columns} <= set(channels):
+    known = {column.name for column in columns} & set(channels)
+    if len(known) == len(columns):
         return columns
-    if len(channels) != len(columns):
+    words = list(dict.fromkeys(column.grid for column in columns))
+    if len(channels) != len(columns) or set(words) & set(channels):
         raise BadTable(
-            f"as many columns in {path} as the grid has places, {len(columns):,}",
+            f"as many columns in {path} as {', '.join(words)} have places, {len(columns):,}, for a "
+            "grid takes all of them in order",
             f"{len(channels):,} beside that of time", "correct its rows and columns",
         )  # fmt: skip
+    if known or not _by_rows(channels):
+        raise BadTable(
+            f"columns in {path} row by row",
+            ", ".join([*channels[:3], "…"]),
+            "name each column as the file does, in the order that you want",
+        )
     return [Column(name=name, unit=own.unit) for name, own in zip(channels, columns, strict=True)]
 
 
 def _is_grid(columns: Sequence[Column]) -> bool:
-    return all(column.in_grid for column in columns)
+    return all(column.grid for column in columns)
+
+
+def _by_rows(names: Sequence[str]) -> bool:
+    """Return whether names that say rows and columns do so row by row, grid by grid."""
+    found = [place for name in names if (place := _PLACE.fullmatch(name))]
+    stems = list(dict.fromkeys(place[1] for place in found))
+    order = [(stems.index(place[1]), int(place[2]), int(place[3])) for place in found]
+    return order == sorted(order)

@@ -56,6 +56,12 @@ class Part:
         """Return the rows of a window."""
         return int(self.prepared.dataset.windows.values.shape[1])
 
+    @property
+    def values(self) -> int:
+        """Return how many values a window has."""
+        _, steps, channels = self.prepared.dataset.windows.values.shape
+        return int(steps * channels)
+
     def feature_sets(self) -> dict[str, tuple[str, ...]]:
         """Return the feature sets that windows of this size have, and that are quick enough."""
         if self.quick is not None:
