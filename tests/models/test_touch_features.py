@@ -11,9 +11,8 @@ from taxel.bundles.writer import Classifier, export_onnx
 from taxel.errors import BadInput
 from taxel.models.blend import Blend, Part, Plan, read_plan
 from taxel.models.onnx_session import WindowModel
+from taxel.models.touch_blocks import BLOCKS, UNIT
 from taxel.models.touch_features import (
-    BLOCKS,
-    UNIT,
     TouchFeatures,
     compute_features,
     fitting_blocks,

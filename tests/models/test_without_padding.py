@@ -8,7 +8,8 @@ from taxel.bundles.writer import Classifier, export_onnx
 from taxel.models.blend import Blend, Part, Plan, read_plan
 from taxel.models.heads import LinearHead
 from taxel.models.onnx_session import WindowModel
-from taxel.models.touch_features import BLOCKS, UNIT, TouchFeatures, fitting_blocks
+from taxel.models.touch_blocks import BLOCKS, UNIT
+from taxel.models.touch_features import TouchFeatures, fitting_blocks
 
 PADS = (0, 0, 0, 0)
 RNG = np.random.default_rng(0)

@@ -200,6 +200,45 @@ def test_column_texts_allow_spaces_in_names():
     )
 
 
+def test_a_grid_stands_for_its_channels_row_by_row(tmp_path):
+    """Each has a name; beside it others may stand."""
+    found = parse_columns("thumb:2x3[N] palm[V]", "here")
+    names = [f"thumb_r{row}c{column}" for row in (1, 2) for column in (1, 2, 3)]
+
+    assert [(own.name, own.unit) for own in found] == [*((n, "N") for n in names), ("palm", "V")]
+    with pytest.raises(BadTable, match="at most 16,384 channels"):
+        parse_columns("skin:200x200[N]", "here")
+    with pytest.raises(BadTable, match="a grid of at least one row and column"):
+        parse_columns("skin:0x5[N] a[N]", "here")
+
+
+@pytest.mark.parametrize(
+    "header", ["t,a,b,c,d,e,f\n", "t,s_r1c1,s_r1c2,s_r1c3,s_r2c1,s_r2c2,s_r2c3\n"]
+)
+def test_a_grid_names_the_columns_of_a_file_in_order(tmp_path, header):
+    """All but that of time, whatever they are called; where they are called so, by name."""
+    path, time = tmp_path / "a.csv", parse_time("t[ms]", "here")
+    path.write_text(f"{header}10,1,2,3,4,5,6\n20,2,3,4,5,6,7\n")
+
+    table = read_table(path, parse_columns("s:2x3[N]", "here"), time)
+
+    assert table.names == tuple(f"s_r{row}c{column}" for row in (1, 2) for column in (1, 2, 3))
+    np.testing.assert_array_equal(table.values[0], range(1, 7))
+    with pytest.raises(BadTable, match=r"as q:2x2 have places, 4, .* got 6 beside"):
+        read_table(path, parse_columns("q:2x2[N]", "here"), time)
+
+
+@pytest.mark.parametrize(
+    "header", ["r1c1,r2c1,r1c2,r2c2", "s_r1c1,a,b,c", "s:2x2,a,b,c", "q_r1c2,q_r1c1,q_r2c1,q_r2c2"]
+)
+def test_a_grid_refuses_columns_that_lie_otherwise(tmp_path, header):
+    """By columns, or named so in part: they would get wrong places without a word."""
+    (tmp_path / "a.csv").write_text(f"{header}\n1,2,3,4\n2,3,4,5\n")
+
+    with pytest.raises(BadTable, match=r"row by row|as s:2x2 have places"):
+        read_table(tmp_path / "a.csv", parse_columns("s:2x2[N]", "x"), TimeColumn(rate_hz=1.0))
+
+
 @pytest.mark.parametrize("text", ["", "a", "a[V] a[V]", "a[]", "a[V] b", "[V]"])
 def test_wrong_column_texts_are_refused(text):
     """A channel without a unit, or twice, is an error."""

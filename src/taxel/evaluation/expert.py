@@ -25,6 +25,7 @@ from taxel.evaluation.shared_values import objects_on_both
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.labels.joined import parts_of
 from taxel.models.blend import EXPERT, Blend
+from taxel.models.touch_blocks import is_of_grids
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.costs import quietest_us
@@ -292,7 +293,11 @@ def _cut_as(base: Base, like: Choice) -> Prepared:
     if like.target != base.target:
         raise BadInput(f"a choice for the label {base.target!r}", repr(like.target),
                        f"say --target {like.target}")  # fmt: skip
-    return prepare(base, like.window, like.window.steps)
+    prepared = prepare(base, like.window, like.window.steps)
+    if not prepared.grids and any(is_of_grids(own) for m in like.members for own in m.blocks):
+        raise BadInput("channels in a grid, such as r1c1, r1c2, …, for the choice sees images",
+                       "none by their names", "train without --like")  # fmt: skip
+    return prepared
 
 
 def _with_score(expert: Expert, nested: Nested) -> Expert:

@@ -11,15 +11,18 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
 from taxel.errors import BadInput
 from taxel.foreign.json_text import Fields, parse_json
+from taxel.models.grid_features import SMALLEST, Grid, Grids
 from taxel.models.heads import HEADS, TreesHead, walk
 from taxel.models.kernel_features import KERNELS, KernelFeatures
-from taxel.models.touch_features import BLOCKS, UNIT, TouchFeatures
+from taxel.models.touch_blocks import is_block, is_of_grids
+from taxel.models.touch_features import TouchFeatures
 
 EXPERT = "expert"
 """What a contract calls such a model."""
@@ -59,6 +62,8 @@ class Plan:
     padded: bool = True
     """Whether rows of a window may be padding; where none may, features are computed without the
     mask, with 40 % fewer operators."""
+    grids: Grids = ()
+    """Where channels lie; see `taxel.models.grid_features.grids_of`."""
     every_row: bool = False
     """Whether features see every row of a large window, as they did in earlier checkouts; else
     evenly spaced ones, see `taxel.models.touch_features.seen_rows`."""
@@ -159,7 +164,7 @@ class Blend(nn.Module):
         self.features = nn.ModuleList(
             kernels or KernelFeatures()
             if blocks == (KERNELS,)
-            else TouchFeatures(blocks, plan.pads, every_row=plan.every_row)
+            else TouchFeatures(blocks, plan.pads, plan.grids, every_row=plan.every_row)
             for blocks in sets
         )
         self._padded = plan.padded
@@ -227,17 +232,35 @@ def read_plan(text: bytes) -> Plan:
         # Older weights do not say.
         padded = given.flag("padded") if "padded" in given else True
         every_row = given.flag("every_row") if "every_row" in given else True
-        return Plan(steps, pads, classes, parts, padded, every_row)
+        grids = _grids(given, len(pads)) if "grids" in given and given.items("grids") else ()
+        if not grids and any(is_of_grids(name) for part in parts for name in part.blocks):
+            raise ValueError("features of grids, and no grid")
+        return Plan(steps, pads, classes, parts, padded, grids, every_row)
     except ValueError as error:  # BadFile is one
         got = str(getattr(error, "got", error))
         raise BadInput("a blend's plan", got, "train it again with: taxel train") from error
 
 
+def _grids(given: Fields, channels: int) -> Grids:
+    found, taken = [], set[int]()
+    for own in given.array("grids", (None, len(Grid._fields))):
+        if (own != np.trunc(own)).any() or (np.abs(own) > channels).any():
+            raise ValueError("a grid of channels that there are not")
+        grid = Grid(*(int(number) for number in own))
+        count = grid.rows * grid.columns
+        if min(grid.rows, grid.columns) < SMALLEST or count > channels:
+            raise ValueError(f"a grid of {grid.rows} × {grid.columns}")
+        numbers = set(grid.channels.tolist())
+        if not numbers <= set(range(channels)) or len(numbers) < count or numbers & taken:
+            raise ValueError("a grid of channels that there are not, or twice")
+        taken |= numbers
+        found.append(grid)
+    return tuple(found)
+
+
 def _part(given: Fields, steps: int) -> Part:
     head, blocks = given.text("head"), given.texts("blocks")
-    unknown = [
-        name for name in blocks if name.removeprefix(UNIT) not in BLOCKS and blocks != (KERNELS,)
-    ]
+    unknown = [name for name in blocks if not is_block(name) and blocks != (KERNELS,)]
     network = head.startswith(NETWORK) and _rows_fit(head, steps)
     if unknown or (head not in HEADS and not network):
         raise ValueError(f"{head} on {', '.join(blocks)}")

@@ -1,6 +1,6 @@
 """What is given up for time is what costs least, by the times of the engine that runs it."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import chain, repeat
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,12 +15,12 @@ from taxel.models.heads import TreesHead
 from taxel.models.onnx_session import WindowModel
 from taxel.models.touch_features import TouchFeatures
 from taxel.training.choose.budget import Budget
-from taxel.training.choose.candidates import Candidate, first_round
+from taxel.training.choose.candidates import Candidate, discriminant, first_round
 from taxel.training.choose.choice import Choice, Member
 from taxel.training.choose.costs import ROUNDS, RUNS, Cost
 from taxel.training.choose.fitting import fit_head
 from taxel.training.choose.inner_folds import Held
-from taxel.training.choose.limits import Limits, _Saving, _units, fit_within
+from taxel.training.choose.limits import Limits, _quick_enough, _Saving, _units, fit_within
 from taxel.training.choose.pieces import Pieces, engine_us
 from taxel.training.choose.preparations import load_base, prepare_all
 from taxel.training.choose.search import Effort, SearchResult, choose
@@ -248,3 +248,38 @@ def test_what_is_timed_gives_in_the_engine_what_the_piece_gives(monkeypatch: pyt
     assert min(engine_us([features, features], *window)) > 0.0
     assert len(ran) == 2 * ROUNDS * RUNS
     assert ran[-1] == pytest.approx(features(*window).numpy(), abs=1e-5)
+
+
+class Drawn:
+    """A search of a good set of features that takes most of the time, and of four poor ones."""
+
+    def __init__(self, values: int) -> None:
+        self.part = SimpleNamespace(values=values)
+        self.own = [discriminant(name, 0.3) for name in ("imprints", "all", "rows", "tared")]
+        self.board = [("", self.part, SimpleNamespace(candidate=own)) for own in self.own]
+        self.sets = {own.features: (own.features,) for own in self.own}
+
+    def choice(self, without: Collection[Candidate] = ()) -> Any:
+        left = [own for own in self.own if own not in without]
+        members = tuple(Member(candidate=own, blocks=(own.features,), weight=1.0, sharpness=1.0)
+                        for own in left)  # fmt: skip
+        good = any(own.features == "imprints" for own in left)
+        return SimpleNamespace(members=members, loss=0.5 if good else 0.8)
+
+
+def us_of(choice: Any) -> float:
+    return sum(1000.0 if own.candidate.features == "imprints" else 100.0 for own in choice.members)
+
+
+@pytest.mark.parametrize(
+    ("values", "left"), [(6000, {"imprints"}), (4000, {"all", "rows", "tared"})]
+)
+def test_one_good_set_of_large_windows_is_kept_where_it_fits_alone(values: int, left: set[str]):
+    """A skin's imprints went, because nothing else was enough at once, and a poor rest stayed."""
+    drawn: Any = Drawn(values)
+
+    gone, choice, names = _quick_enough(drawn, drawn.choice(), set(), us_of, 1050.0 / 1300.0)
+
+    assert {own.candidate.features for own in choice.members} == left
+    assert {own.features for own in drawn.own} - {own.features for own in gone} == left
+    assert names == (["all but imprints"] if left == {"imprints"} else ["every model on imprints"])

@@ -43,13 +43,14 @@ class Import:
     For arrays, the import table is a CSV with one row for each file: a text (.csv, .tsv, .txt or
     .dat, gzip-packed or not), .xlsx or .xlsx[SHEET], .npy or .wav. Its columns: file (relative to
     the table); label:NAME and group:NAME, as many as you like; channels, each with its name or
-    number from 1 and its unit, as in Data0[count] Data1[count] 7[deg], or *[N] for all; time, as in
-    Timestamp[ms] (s, ms, us, ns; iso for time stamps), or rate:100Hz; and optionally sensor (its
-    name), full_scale (where it saturates), missing (numbers that mark missing values, as in -32768
-    9999), pieces (1s or 100rows: cut each recording into trials of that length) and layout (csv,
-    icub, or module.py:function). A .wav needs neither channels nor time. If file names contain
-    labels, one row may name all files that match a pattern:
-    {group:session}/{label:object}_trial*.csv; * and ? match the rest, {digits} a whole number.
+    number from 1 and its unit, as in Data0[count] Data1[count] 7[deg], *[N] for all, or
+    skin:12x32[N] for a grid; time, as in Timestamp[ms] (s, ms, us, ns; iso for time stamps), or
+    rate:100Hz; and optionally sensor (its name), full_scale (where it saturates), missing (numbers
+    that mark missing values, as in -32768 9999), pieces (1s or 100rows: cut each recording into
+    trials of that length) and layout (csv, icub, or module.py:function). A .wav needs neither
+    channels nor time. If file names contain labels, one row may name all files that match a
+    pattern: {group:session}/{label:object}_trial*.csv; * and ? match the rest, {digits} a whole
+    number.
 
     One row may also name a file of many trials: a stacked .npy, or a .npz, MATLAB (.mat) or HDF5
     (.h5, .hdf5) file. Then trials names the array that holds them (X, or trials/*/force for one

@@ -9,6 +9,7 @@ Background of our choices: docs/decisions/0011.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
@@ -43,6 +44,10 @@ MOST_CHANNELS = 16_384
 """Of a table; the largest skins have some 5,000. Source: our choice."""
 ALL = "*"
 """In the place of a channel's name: all columns but that of time."""
+_GRID = re.compile(r"(.{1,40}):([0-9]{1,4})x([0-9]{1,4})")
+"""A grid of channels: its name, rows and columns."""
+_PLACE = re.compile(r"(.*?)r(?:ow)?_?([0-9]{1,4})_?c(?:ol)?_?([0-9]{1,4})", re.IGNORECASE)
+"""What a file may call a column of a grid."""
 TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Unit of a time column → seconds."""
 STAMPS = "iso"
@@ -56,6 +61,9 @@ class Column:
     name: str
     """The header's name, or the column's number from 1 where there is no header."""
     unit: str
+    grid: str = ""
+    """What the import table calls the grid in which it lies, such as pad:3x4; where that names
+    nothing but grids, a file's columns are called so from then on, in order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,17 +115,30 @@ class Table:
 def parse_columns(text: str, where: str) -> tuple[Column, ...]:
     """Return the columns of a text such as "Data0[count] Data1[count] 7[deg]".
 
+    NAME:ROWSxCOLUMNS[UNIT] stands for a grid, row by row: "thumb:14x6[count]" for thumb_r1c1 to
+    thumb_r14c6.
+
     Raises:
         BadTable: A word is not NAME[UNIT], or a name comes twice.
     """
-    found, more = [], text
+    found: list[Column] = []
+    more = text
     while "]" in more:
         word, _, more = more.partition("]")
         name, bracket, unit = (part.strip() for part in word.partition("["))
         if not (name and bracket and unit) or "[" in unit:
             raise _no_unit(f"{word.strip()}]", where)
-        found.append(Column(name=name, unit=unit))
-        if len(found) > MOST_CHANNELS:
+        grid = _GRID.fullmatch(name)
+        sides = (int(grid[2]), int(grid[3])) if grid else (1, 1)
+        if 0 in sides:
+            raise BadTable(
+                f"a grid of at least one row and column in {where}", repr(name), "correct it"
+            )
+        if len(found) + math.prod(sides) <= MOST_CHANNELS:
+            names = [name] if grid is None else grid_names(f"{grid[1]}_", *sides)
+            of_grid = "" if grid is None else name
+            found += [Column(name=own, unit=unit, grid=of_grid) for own in names]
+        else:
             raise BadTable(f"at most {MOST_CHANNELS:,} channels in {where}", "more", "split them")
     if more.strip():
         raise _no_unit(more.split()[0], where)
@@ -127,6 +148,11 @@ def parse_columns(text: str, where: str) -> tuple[Column, ...]:
             f"at least one channel, each once, in {where}", repr(text[:80]), "correct it"
         )
     return tuple(found)
+
+
+def grid_names(prefix: str, rows: int, columns: int) -> list[str]:
+    """Return what the channels of a grid are called, row by row: prefix, r1c1, …"""
+    return [f"{prefix}r{r}c{c}" for r in range(1, rows + 1) for c in range(1, columns + 1)]
 
 
 def _no_unit(word: str, where: str) -> BadTable:
@@ -202,7 +228,9 @@ def read_table(
     Raises:
         BadTable: Anything in the file is not as it should be; says where.
     """
+    called = columns
     columns = _all_columns(path, columns, time, but)
+    called = called if _is_grid(called) else columns
     wanted = names_of(columns, time)
     stamps = time.column.name if time.column and time.column.unit == STAMPS else ""
     ending = path.name.lower()
@@ -226,7 +254,7 @@ def read_table(
     table = Table(
         values=values,
         time_s=_time_s(cells, time),
-        names=tuple(column.name for column in columns),
+        names=tuple(column.name for column in called),
         units=tuple(column.unit for column in columns),
         number_header=text.number_header,
         decimal_comma=text.decimal_comma,
@@ -285,8 +313,10 @@ def _time_s(cells: NDArray[np.float64], time: TimeColumn) -> NDArray[np.float64]
 def _all_columns(
     path: Path, columns: Sequence[Column], time: TimeColumn, but: Collection[str]
 ) -> Sequence[Column]:
-    """Return the wanted columns, where * means all but that of time and those in `but`."""
-    if [column.name for column in columns] != [ALL]:
+    """Return the wanted columns by the file's own names, where * and a grid mean all but that of
+    time and those in `but`.
+    """
+    if not _is_grid(columns) and [column.name for column in columns] != [ALL]:
         return columns
     ending = path.name.lower()
     if ending.endswith(".npy"):
@@ -307,4 +337,34 @@ def _all_columns(
             f"between 1 and {MOST_CHANNELS:,} channels in {path}", f"{len(channels):,}",
             "name the channels",
         )  # fmt: skip
-    return [Column(name=name, unit=columns[0].unit) for name in channels]
+    if not _is_grid(columns):
+        return [Column(name=name, unit=columns[0].unit) for name in channels]
+    known = {column.name for column in columns} & set(channels)
+    if len(known) == len(columns):
+        return columns
+    words = list(dict.fromkeys(column.grid for column in columns))
+    if len(channels) != len(columns) or set(words) & set(channels):
+        raise BadTable(
+            f"as many columns in {path} as {', '.join(words)} have places, {len(columns):,}, for a "
+            "grid takes all of them in order",
+            f"{len(channels):,} beside that of time", "correct its rows and columns",
+        )  # fmt: skip
+    if known or not _by_rows(channels):
+        raise BadTable(
+            f"columns in {path} row by row",
+            ", ".join([*channels[:3], "…"]),
+            "name each column as the file does, in the order that you want",
+        )
+    return [Column(name=name, unit=own.unit) for name, own in zip(channels, columns, strict=True)]
+
+
+def _is_grid(columns: Sequence[Column]) -> bool:
+    return all(column.grid for column in columns)
+
+
+def _by_rows(names: Sequence[str]) -> bool:
+    """Return whether names that say rows and columns do so row by row, grid by grid."""
+    found = [place for name in names if (place := _PLACE.fullmatch(name))]
+    stems = list(dict.fromkeys(place[1] for place in found))
+    order = [(stems.index(place[1]), int(place[2]), int(place[3])) for place in found]
+    return order == sorted(order)

@@ -11,8 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from taxel.models.grid_features import IMAGE_BLOCKS
 from taxel.models.kernel_features import KERNELS, TAPS
-from taxel.models.touch_features import PARTS, UNIT, fitting_blocks, seen_rows
+from taxel.models.touch_blocks import GRID, PARTS, UNIT, is_of_grids
+from taxel.models.touch_features import fitting_blocks, seen_rows
 
 Sets = dict[str, tuple[str, ...]]
 """Feature sets and their blocks."""
@@ -21,8 +23,13 @@ FAMILIES: tuple[Family, ...] = ("discriminant", "linear", "trees", "perceptron",
 
 _FREE = ("shape", "course", "quantiles", "octaves", "spectrum", "correlation")
 _UNIT = tuple(f"{UNIT}{name}" for name in ("level", "shape", "course"))
+_COURSES = tuple(f"{GRID}{name}" for name in ("level", "tared", "shape", "course", "quantiles"))
+_IMAGES = tuple(name for name in IMAGE_BLOCKS if name != "image patterns")
 FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "all": ("level", "tared", *_FREE, "pattern"),
+    "imprints": (*_COURSES, *IMAGE_BLOCKS),
+    "imprints and level": (*_COURSES, *IMAGE_BLOCKS, "level"),
+    "imprints without patterns": (*_COURSES, *_IMAGES),
     "means": ("mean",),
     "without level": _FREE,
     "all with distributions": ("level", "tared", *_FREE, "pattern", "distribution"),
@@ -38,6 +45,8 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "rows without level": ("centred",),
 }
 """Name → blocks of `taxel.models.touch_features.BLOCKS`; `feature_sets` adds `KERNELS`."""
+IMPRINTS = {"imprints", "imprints and level", "imprints without patterns"}
+"""Sets of what is seen on grids of taxels."""
 PLAIN = "means"
 """The set of each channel's level alone: often what a drift leaves best."""
 LEVEL_FREE = (
@@ -98,8 +107,8 @@ class Candidate:
 
     @property
     def kind(self) -> str:
-        """Return what makes the same mistakes: a family on means, on kernels, with level or
-        without.
+        """Return what makes the same mistakes: a family on means, on kernels, on imprints, with
+        level or without.
 
         A random forest is a kind of its own beside extra-trees: it looks for the best threshold, so
         that of many features that drift few are used.
@@ -109,6 +118,8 @@ class Candidate:
             return f"{name} of means"
         if self.features == KERNELS:
             return f"{name} of kernels"
+        if self.features in IMPRINTS:
+            return f"{name} of imprints"
         return f"{name}{' without level' if self.features in LEVEL_FREE else ''}"
 
     @property
@@ -144,6 +155,8 @@ class Candidate:
         model = MODEL_WORDS.get(self.model, self.model)
         if self.features in (PLAIN, KERNELS):
             return f"{model} on {self.seen}"
+        if self.features in IMPRINTS:
+            return f"{model} on imprints"
         return f"{model}{' without level' if self.features in LEVEL_FREE else ''}"
 
     @property
@@ -152,7 +165,9 @@ class Candidate:
         return FEATURE_WORDS.get(self.features, self.features)
 
 
-def feature_sets(steps: int, channels: int, padded: bool = False) -> dict[str, tuple[str, ...]]:
+def feature_sets(
+    steps: int, channels: int, padded: bool = False, *, grids: bool = False
+) -> dict[str, tuple[str, ...]]:
     """Return the feature sets that windows of this size have, without those that are alike.
 
     Rows themselves would show how much of a window is padding, and so a trial's length, and so
@@ -162,6 +177,7 @@ def feature_sets(steps: int, channels: int, padded: bool = False) -> dict[str, t
         steps: Rows in a window.
         channels: Of the array.
         padded: Whether some windows are padded.
+        grids: Whether some channels lie in a grid.
     """
     rows = not padded and (steps == 1 or steps * channels <= MOST_ROW_VALUES)
     without = set() if rows else ROW_BLOCKS
@@ -172,8 +188,9 @@ def feature_sets(steps: int, channels: int, padded: bool = False) -> dict[str, t
     found: dict[str, tuple[str, ...]] = {}
     for name, blocks in FEATURE_SETS.items():
         kept = tuple(block for block in blocks if block.removeprefix(UNIT) not in without)
-        own = fitting_blocks(kept, steps, channels)
+        own = fitting_blocks(kept, steps, channels, grids=grids)
         whole = len(own) == len(blocks) or not ROW_BLOCKS & set(blocks)
+        whole = whole and (grids or not any(map(is_of_grids, blocks)))
         if own and whole and own not in found.values():
             found[name] = own
     if steps >= TAPS:

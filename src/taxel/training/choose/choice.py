@@ -16,7 +16,7 @@ from taxel.errors import BadFile, BadInput
 from taxel.foreign.json_text import Fields, read_json
 from taxel.foreign.records import record_of
 from taxel.models.kernel_features import KERNELS
-from taxel.models.touch_features import BLOCKS, UNIT
+from taxel.models.touch_blocks import is_block
 from taxel.recordings.whole import write_whole
 from taxel.training.choose.candidates import FAMILIES, Candidate, Family
 from taxel.windows.config import WindowConfig
@@ -142,7 +142,7 @@ def _member(given: Fields) -> Member:
     family = raw.choice("family", FAMILIES)
     model, blocks = raw.text("model"), given.texts("blocks")
     known = (model in FITS and bool(blocks)) or family == "network"
-    named = blocks == (KERNELS,) or all(name.removeprefix(UNIT) in BLOCKS for name in blocks)
+    named = blocks == (KERNELS,) or all(map(is_block, blocks))
     if not known or not named:
         raise ValueError(f"{model} on {', '.join(blocks)}")
     candidate = Candidate(

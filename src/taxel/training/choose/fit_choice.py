@@ -93,7 +93,7 @@ def fit_choice(
         for own, _ in member_copies
     )
     return Blend(
-        Plan(choice.window.steps, prepared.pads, classes, parts, choice.window.pad),
+        Plan(choice.window.steps, prepared.pads, classes, parts, choice.window.pad, prepared.grids),
         tuple(fitted[member.candidate, copy] for member, copy in member_copies),
         tuple(member.weight / copies_of(member) for member, _ in member_copies),
         tuple(member.sharpness for member, _ in member_copies),

@@ -17,11 +17,12 @@ from typing import Final
 import numpy as np
 
 from taxel.models.blend import Blend
+from taxel.training.choose.blending import LEAST_NATS
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.costs import Cost, cost_of
 from taxel.training.choose.fit_choice import Heads, copies, fit_choice
-from taxel.training.choose.pieces import Pieces
+from taxel.training.choose.pieces import LARGE, Pieces
 from taxel.training.choose.preparations import Prepared
 from taxel.training.choose.search import SearchResult
 
@@ -163,7 +164,8 @@ def _quick_enough(
     """Give up one thing after another until about a share of the time is left.
 
     Of what would do at once, that which costs the least loss goes; else what costs least for the
-    time that it saves. At least one thing goes.
+    time that it saves. At least one thing goes. Of large windows, models on one set of features are
+    taken instead where these alone are clearly better.
 
     Returns:
         What must not be chosen, what is chosen without it, and names of what went.
@@ -183,7 +185,35 @@ def _quick_enough(
         gone |= units[best.name]
         names.append(best.name)
         choice, now = best.choice, best.us
+    alone = _best_alone(found, without, us, enough) if found.part.values > LARGE else None
+    if alone is not None and alone.choice.loss < choice.loss - LEAST_NATS:
+        return _others(found, without, alone.name), alone.choice, [f"all but {alone.name}"]
     return gone, choice, names
+
+
+def _best_alone(
+    found: SearchResult, without: Set[Candidate], us: Callable[[Choice], float], enough: float
+) -> _Saving | None:
+    """Return the set of features that is best where all models on others go, and quick enough.
+
+    What is given up one after another may end with a poor rest: large windows have several good
+    sets that take half of the time each, and no two of them fit.
+    """
+    tried = {own.candidate for _, part, own in found.board if part is found.part} - without
+    ways = []
+    for seen in sorted({own.seen for own in tried if own.features}):
+        others = _others(found, without, seen)
+        choice = found.choice(others)
+        way = _Saving(seen, choice, us(choice), len(others))
+        if way.us <= enough:
+            ways.append(way)
+    return min(ways, key=lambda way: (way.choice.loss, way.name), default=None)
+
+
+def _others(found: SearchResult, without: Set[Candidate], seen: str) -> set[Candidate]:
+    """Return all candidates but those on a set of features, in words."""
+    tried = {own.candidate for _, part, own in found.board if part is found.part}
+    return {own for own in tried if own.seen != seen} | set(without)
 
 
 def _units(

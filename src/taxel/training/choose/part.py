@@ -56,13 +56,20 @@ class Part:
         """Return the rows of a window."""
         return int(self.prepared.dataset.windows.values.shape[1])
 
+    @property
+    def values(self) -> int:
+        """Return how many values a window has."""
+        _, steps, channels = self.prepared.dataset.windows.values.shape
+        return int(steps * channels)
+
     def feature_sets(self) -> dict[str, tuple[str, ...]]:
         """Return the feature sets that windows of this size have, and that are quick enough."""
         if self.quick is not None:
             return self.quick
         windows = self.prepared.dataset.windows
         _, steps, channels = windows.values.shape
-        return feature_sets(steps, channels, padded=bool(windows.padded))
+        grids = bool(self.prepared.grids)
+        return feature_sets(steps, channels, padded=bool(windows.padded), grids=grids)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,8 @@ from taxel.bundles.writer import export_onnx
 from taxel.models.heads import TreesHead
 from taxel.models.kernel_features import KERNELS, drawn_kernels
 from taxel.models.onnx_session import WindowModel
-from taxel.models.touch_features import UNIT, TouchFeatures
+from taxel.models.touch_blocks import GRID, UNIT
+from taxel.models.touch_features import TouchFeatures
 from taxel.training.choose.candidates import PLAIN, Candidate, Sets
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.costs import quietest_of
@@ -29,8 +30,8 @@ from taxel.training.choose.preparations import Prepared
 
 _MEANS = "mean"
 """The block that has nothing but what all others need, too."""
-_UNIT_MEANS = f"{UNIT}{_MEANS}"
-"""The same of blocks of rows that are standardised."""
+_BEFORE = (UNIT, GRID)
+"""Before blocks of what is made of a window's rows: it has means, too, which all others need."""
 LARGE = 5000
 """Values of a window from where on its features are timed before any is tried. Source: our choice,
 docs/decisions/0039."""
@@ -43,7 +44,8 @@ def _needs(block: str) -> tuple[str, ...]:
     """Return the blocks beside which a block is timed: none for the first."""
     if block == _MEANS:
         return ()
-    return (_MEANS, _UNIT_MEANS) if block.startswith(UNIT) and block != _UNIT_MEANS else (_MEANS,)
+    own = next((f"{before}{_MEANS}" for before in _BEFORE if block.startswith(before)), block)
+    return (_MEANS, own) if own != block else (_MEANS,)
 
 
 def _with(block: str) -> tuple[str, ...]:
@@ -65,16 +67,14 @@ class _OnFeatures(nn.Module):
 class _Features(nn.Module):
     """Features as a blend computes them: without the mask where no row is padding."""
 
-    def __init__(
-        self, blocks: tuple[str, ...], pads: tuple[int, ...], steps: int, *, padded: bool
-    ) -> None:
+    def __init__(self, blocks: tuple[str, ...], prepared: Prepared, steps: int) -> None:
         super().__init__()
         self.blocks = blocks
         plain = tuple(block for block in blocks if block != KERNELS)
-        self.features = nn.ModuleList([TouchFeatures(plain, pads)])
+        self.features = nn.ModuleList([TouchFeatures(plain, prepared.pads, prepared.grids)])
         if KERNELS in blocks:
-            self.features.append(drawn_kernels(steps, len(pads)))
-        self.padded = padded
+            self.features.append(drawn_kernels(steps, len(prepared.pads)))
+        self.padded = prepared.config.pad
 
     def forward(self, values: Tensor, mask: Tensor) -> Tensor:
         measured = mask if self.padded else None
@@ -195,18 +195,18 @@ class Pieces:
     ) -> float:
         """Return what blocks take together: each once, beside what all of its kind need.
 
-        Each is timed beside the channels' means, those of rows standardised across a pad beside
-        these rows' means, too: of sets that have nearly all in common the slower one would be a
-        matter of chance.
+        Each is timed beside the channels' means, those of rows standardised across a pad or of
+        imprints on grids beside their means, too: of sets that have nearly all in common the slower
+        one would be a matter of chance.
         """
-        shape, padded = values.shape[1:], prepared.config.pad
+        shape = values.shape[1:]
         needed = dict.fromkeys(need for block in blocks for need in _needs(block))
         wanted = tuple(dict.fromkeys((_MEANS, *needed, *blocks)))
         new = [block for block in wanted if (block, shape) not in self._known]
         if new:
             ways = [way for block in new for way in (_needs(block), _with(block)) if way]
             timed = list(dict.fromkeys(ways))
-            models = [_Features(own, prepared.pads, shape[0], padded=padded) for own in timed]
+            models = [_Features(own, prepared, shape[0]) for own in timed]
             us = dict(zip(timed, self.measure(models, values, mask), strict=True))
             for block in new:
                 spent = us[_with(block)] - us.get(_needs(block), 0.0)

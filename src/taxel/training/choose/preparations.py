@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset
 from taxel.labels.joined import with_joined_label
 from taxel.labels.trials import Trial
+from taxel.models.grid_features import Grids, grids_of
 from taxel.models.kernel_features import KernelFeatures
 from taxel.models.touch_features import compute_features, pads_of
 from taxel.plain_text import number_of
@@ -55,8 +56,6 @@ trial below which it is one window as a whole. Source: as above."""
 _TENG_GATES = ((0.6, 60), (GATE_V, 60), (GATE_V, 12))
 """Gate in volts and rows of the recipes teng-robust and teng: first what leaves hardly a touch
 without a window (`docs/decisions/0039`)."""
-
-
 ROWS = WindowConfig(steps=1, stride=1, grid_hz=None)
 """Each scan as a window of its own: what recordings hold before they are cut."""
 
@@ -134,14 +133,18 @@ class Prepared:
         """Return each channel's pad."""
         return pads_of(self.dataset.sensor.channels)
 
+    @property
+    def grids(self) -> Grids:
+        """Return where channels lie, by their names."""
+        return grids_of(self.dataset.sensor.channels)
+
     def features(self, blocks: tuple[str, ...]) -> NDArray[np.float32]:
         """Return features of the kept windows, shape (kept, features); computed once."""
         with self.computing:
             if blocks not in self.cache:
                 windows = self.dataset.windows
-                self.cache[blocks] = compute_features(
-                    blocks, self.pads, windows.values[self.kept], windows.mask[self.kept]
-                )
+                own = windows.values[self.kept], windows.mask[self.kept]
+                self.cache[blocks] = compute_features(blocks, self.pads, *own, self.grids)
             return self.cache[blocks]
 
     def fitted_features(
