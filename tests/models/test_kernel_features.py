@@ -1,5 +1,8 @@
 """Claims about kernel features: exact live and offline, blind to padding, and what they find."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
@@ -165,7 +168,8 @@ def test_biases_come_from_the_windows_that_are_learned_from_alone():
 
 def test_features_that_are_timed_are_as_many_as_those_that_are_fitted():
     values, mask = windows(60, 5)
-    timed = _Features(("mean", "kernels"), (0,) * 5, 60, padded=False)
+    prepared: Any = SimpleNamespace(pads=(0,) * 5, grids=(), config=SimpleNamespace(pad=False))
+    timed = _Features(("mean", "kernels"), prepared, 60)
     found = timed(torch.from_numpy(values), torch.from_numpy(mask))
 
     assert found.shape[1] == 5 + fit_kernels(values, mask, padded=False).bias.numel()

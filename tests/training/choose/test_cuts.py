@@ -200,6 +200,7 @@ def test_of_many_windows_those_compared_are_of_all_classes_though_recorded_in_tu
     """480 trials of ten windows, of one class after another: a third of them would do."""
     trial = np.repeat(np.arange(480), 10)
     prepared = SimpleNamespace(
+        grids=(),
         name="25 rows", trial=trial, kept=np.arange(len(trial)), stretch=trial,
         dataset=SimpleNamespace(
             windows=SimpleNamespace(values=np.zeros((len(trial), 25, 2)), padded=0)
@@ -248,6 +249,7 @@ def test_shorter_windows_must_be_better_by_more_than_chance_over_trials(missed: 
     def part_of(steps: int, windows: int) -> Part:
         trial = np.repeat(np.arange(40), windows)
         prepared = SimpleNamespace(
+            grids=(),
             name=f"{steps} rows", trial=trial, kept=np.arange(len(trial)), stretch=trial,
             dataset=SimpleNamespace(
                 windows=SimpleNamespace(values=np.zeros((len(trial), steps, 2)), padded=0)

@@ -182,6 +182,7 @@ def test_each_piece_is_timed_once_without_what_any_call_takes():
     prepared = SimpleNamespace(
         dataset=SimpleNamespace(windows=SimpleNamespace(values=values, mask=values[:, :, 0] == 0)),
         pads=(0, 0),
+        grids=(),
         config=SimpleNamespace(pad=False),
     )
     rng = np.random.default_rng(0)
