@@ -26,10 +26,10 @@ _UNIT = tuple(f"{UNIT}{name}" for name in ("level", "shape", "course"))
 _COURSES = tuple(f"{GRID}{name}" for name in ("level", "tared", "shape", "course", "quantiles"))
 _IMAGES = tuple(name for name in IMAGE_BLOCKS if name != "image patterns")
 FEATURE_SETS: dict[str, tuple[str, ...]] = {
-    "imprints": (*_COURSES, *IMAGE_BLOCKS),
     "imprints and level": (*_COURSES, *IMAGE_BLOCKS, "level"),
-    "imprints without patterns": (*_COURSES, *_IMAGES),
     "all": ("level", "tared", *_FREE, "pattern"),
+    "imprints": (*_COURSES, *IMAGE_BLOCKS),
+    "imprints without patterns": (*_COURSES, *_IMAGES),
     "means": ("mean",),
     "without level": _FREE,
     "all with distributions": ("level", "tared", *_FREE, "pattern", "distribution"),
@@ -44,8 +44,8 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "rows": ("rows",),
     "rows without level": ("centred",),
 }
-"""Name → blocks of `taxel.models.touch_blocks`; `feature_sets` adds `KERNELS`. Those of grids come
-first: they are few numbers, where all features of thousands of taxels would take all the time."""
+"""Name → blocks of `taxel.models.touch_blocks`; `feature_sets` adds `KERNELS`. That of grids and
+levels comes first: all features of thousands of taxels may take all of the time."""
 IMPRINTS = {"imprints", "imprints and level", "imprints without patterns"}
 """Sets of what is seen on grids of taxels."""
 PLAIN = "means"
