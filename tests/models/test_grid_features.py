@@ -223,6 +223,8 @@ def test_arrays_without_a_grid_are_seen_as_before():
     """No set of theirs has anything of grids; a grid has all the sets there are."""
     assert not IMPRINTS & set(feature_sets(60, 40))
     assert set(feature_sets(60, 40, grids=True)) - set(feature_sets(60, 40)) == IMPRINTS
+    assert "imprints and level" not in feature_sets(1, 40, grids=True)
+    assert feature_sets(1, 40, grids=True)["imprints"] == tuple(IMAGE_BLOCKS)
     for name in IMPRINTS:
         assert any(block.startswith(GRID) for block in FEATURE_SETS[name])
 

@@ -191,7 +191,8 @@ def feature_sets(
         kept = tuple(block for block in blocks if block.removeprefix(UNIT) not in without)
         own = fitting_blocks(kept, steps, channels, grids=grids)
         whole = len(own) == len(blocks) or not ROW_BLOCKS & set(blocks)
-        whole = whole and (grids or not any(map(is_of_grids, blocks)))
+        if any(map(is_of_grids, blocks)):  # a single row has no level but its rows
+            whole = grids and ("level" in own or "level" not in blocks)
         if own and whole and own not in found.values():
             found[name] = own
     if steps >= TAPS:
