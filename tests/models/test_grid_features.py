@@ -145,10 +145,10 @@ def test_an_untouched_pad_has_numbers():
 def test_an_imprint_s_shape_does_not_depend_on_the_unit(unit: float):
     """Volts or microvolts: where it lies, how wide and how even it is stay."""
     image = blob(3.0, 9.0, 1.0, 2.0)
-    one, other = one_row([image, image * np.float32(unit)], "imprint")
+    here, other = one_row([image, image * np.float32(unit)], "imprint")
 
-    np.testing.assert_allclose(other[:3], one[:3] * unit, rtol=1e-5)
-    np.testing.assert_allclose(other[3:], one[3:], rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(other[:3], here[:3] * unit, rtol=1e-5)
+    np.testing.assert_allclose(other[3:], here[3:], rtol=1e-4, atol=1e-6)
 
 
 def test_a_touch_that_stands_still_has_a_still_imprint():
