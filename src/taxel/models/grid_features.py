@@ -17,7 +17,6 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Callable
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +24,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from taxel.models.kernel_features import kernels_of
 from taxel.models.touch_window import TINY, Touch, rounded
 
 SMALLEST = 3
@@ -234,7 +234,7 @@ def _patterns(image: Tensor, grid: Grid) -> Tensor:
         seen = blocks.sum(dim=(2, 4)).flatten(1) / float(pooled**2)
         at = _neighbours(rows, columns)
         near = seen.index_select(1, torch.from_numpy(at.reshape(-1)))
-        answers = torch.matmul(torch.from_numpy(_KERNELS), near.reshape(-1, *at.shape))
+        answers = torch.matmul(torch.from_numpy(kernels_of(1, 0)[0]), near.reshape(-1, *at.shape))
         for threshold in THRESHOLDS:
             above = answers > threshold * deviation
             # Counts are exact in single precision, which is twice as quick.
@@ -258,16 +258,6 @@ def _neighbours(rows: int, columns: int) -> NDArray[np.int64]:
     down, across = np.indices((_TAPS, _TAPS)).reshape(2, -1, 1)
     return np.asarray((y + down) * columns + x + across)
 
-
-def _all_patterns() -> NDArray[np.float64]:
-    """Return all 84 patterns, shape (84, 9): their weights add up to 0."""
-    found = np.full((84, _TAPS**2), -1.0)
-    for row, taps in enumerate(combinations(range(_TAPS**2), 3)):
-        found[row, list(taps)] = 2.0
-    return found
-
-
-_KERNELS = _all_patterns()
 
 IMAGE_BLOCKS: dict[str, Callable[[Touch, Grids], Tensor]] = {
     "imprint": _of_images(_imprint_of),
