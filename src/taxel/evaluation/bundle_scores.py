@@ -159,8 +159,8 @@ def _decisions(bundle: Bundle, windows: Windows, config: RecogniseConfig) -> lis
                 novelty = bundle.novelty_test.of_window(scaled[i][part.mask[i]])
             found.append(
                 decide(
-                    probabilities[i], Quality.of(part, i), bundle.contract.classes,
-                    config, novelty, bundle.novelty_test,
+                    probabilities[i], Quality.of(part, i, bundle.contract.motion),
+                    bundle.contract.classes, config, novelty, bundle.novelty_test,
                 )
             )  # fmt: skip
     return found

@@ -144,7 +144,7 @@ class Recogniser:
             found, novelty = self.bundle.recognise(window.values, window.mask)
             decision = decide(
                 found,
-                Quality.of(window, 0),
+                Quality.of(window, 0, self.bundle.contract.motion),
                 self.bundle.contract.classes,
                 self._config,
                 novelty,

@@ -213,7 +213,8 @@ def _answers(
             novelty = None
             if test is not None and rows is not None and windows.mask[i].any():
                 novelty = test.of_window(rows[i][windows.mask[i]])
-            decision = decide(raw[i], Quality.of(windows, i), classes, config, novelty, test)
+            quality = Quality.of(windows, i, model.contract.motion)
+            decision = decide(raw[i], quality, classes, config, novelty, test)
             answered[i] = decision.label != UNKNOWN
             whole[touch] = votes[touch].add(decision)[0] != UNKNOWN
     known = np.array([whole.get(touch, False) for touch in trial.tolist()], bool)
