@@ -32,7 +32,7 @@ SUMMARY_FOLLOWS = "the summary follows"
 TOGETHER_S = 1.0
 """Signals within so many seconds of the first are one request to stop: a service manager may send
 it to a process and to its group, and the second would end what the first began to complete. Source:
-our choice."""
+our choice, docs/decisions/0019."""
 _ARRAY = -1
 """Stands for the array among the cameras' numbers."""
 
