@@ -1,5 +1,6 @@
 """Claims about data sets: a window lies in one trial or in none; what is left out is said."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from taxel.errors import BadDataset, BadRecording
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo, Validity
+from taxel.windows.checks import nothing_usable
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import load_dataset, recut
 from taxel.windows.stretches import whole_stretches
@@ -169,6 +171,27 @@ def test_where_a_gap_is_in_every_window_the_length_that_would_do_is_advised(tmp_
     assert len(advised.trials) == 3
 
 
+@pytest.mark.parametrize(
+    ("config", "stretches", "mend"),
+    [
+        (CONFIG, [3, 3, 9], ": taxel info, or choose .* have 3 rows .* --window steps=2$"),
+        (CONFIG, [3, 9], "have 9 rows .* --window steps=5$"),
+        (CONFIG, [8, 8], "steps=4$"),
+        (CONFIG, [40, 40], "steps=9$"),
+        (CONFIG, [2, 2], "at most 2 rows in a row that are whole, too few for shorter windows$"),
+        (CONFIG, [], "taxel info$"),
+        (replace(CONFIG, steps=2), [9], "taxel info$"),
+        (replace(CONFIG, steps=3), [9], "steps=2$"),
+        (replace(CONFIG, layout="A", gate=1.0), [9], "taxel info$"),
+    ],
+)
+def test_the_length_advised_is_for_half_of_the_trials_and_shorter_than_what_was_tried(
+    config: WindowConfig, stretches: list[int], mend: str
+):
+    assert re.search(mend, nothing_usable(4, 3, config, stretches).mend)
+    assert nothing_usable(4, 4, config, stretches).mend.endswith("--window grid=own")
+
+
 def test_where_no_shorter_window_would_do_that_is_the_advice(tmp_path: Path):
     for name in ("cone", "sphere"):
         with_losses(200, 4, 2, name, tmp_path)
@@ -185,7 +208,7 @@ def test_a_pause_or_a_trial_s_border_ends_a_stretch_of_whole_rows(tmp_path: Path
     trials = load_dataset(tmp_path, replace(CONFIG, steps=2, stride=2, max_gap_s=0.1)).trials
 
     assert whole_stretches([tmp_path / "a.mcap"], CONFIG, trials) == [35, 20]
-    short = replace(CONFIG, max_gap_s=0.1)
+    short = replace(CONFIG, max_gap_s=0.1, wavelet="db2")  # which no single row is long enough for
     assert whole_stretches([tmp_path / "a.mcap"], short, trials) == [20, 20]
 
 

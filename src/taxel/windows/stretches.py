@@ -43,8 +43,7 @@ def whole_stretches(
     Raises:
         BadRecording: A recording is damaged.
     """
-    rows_only = replace(config, steps=1, stride=1, pad=False, tare=False, wavelet=None, fill=0.0,
-                        reference=None)  # fmt: skip
+    rows_only = replace(config, steps=1, stride=1, wavelet=None)
     found = []
     for path in paths:
         own = [trial for trial in trials if trial.recording == path.name]
@@ -53,7 +52,7 @@ def whole_stretches(
         recording = read_recording(path)
         rows = cut_windows(recording.samples, rows_only, recording.manifest.sensor)
         owner = owners_of(rows, own)
-        pause = np.diff(rows.start_s, prepend=-np.inf) > config.max_gap_s
+        pause = np.diff(rows.start_s, prepend=0.0) > config.max_gap_s
         for number in range(len(own)):
             whole = rows.ready & (owner == number)
             found.append(_longest(whole, pause))
