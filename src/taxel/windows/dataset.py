@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -39,12 +39,11 @@ from taxel.windows.config import WindowConfig
 from taxel.windows.level_follow import followed_factors, mean_squares, parse_level_follow
 from taxel.windows.rates import fit_age, fit_gap, rates_note, rates_of
 from taxel.windows.reference import Reference, parse_reference, session_levels, to_usual, usual_of
+from taxel.windows.stretches import owners_of, whole_stretches
 from taxel.windows.windower import Windows, cut_windows
 
 LABEL_THEM = "label the recordings: taxel label RECORDINGS --intervals TABLE --output FOLDER"
 """What helps where trials lack the label, for messages."""
-_TIME_SLACK_S = 1e-6
-"""A window this little outside its trial still belongs to it, seconds: hides float rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,6 +217,9 @@ def load_dataset(
         trials += [trial for trial, own_wanted in zip(own, wanted, strict=True) if own_wanted]
     if sensor is None or not sum(map(len, parts)):
         raise nothing_found(path, config, where)
+    if not unusable and not any(part.ready.any() for part in parts):
+        stretches = whole_stretches(paths, config, trials)
+        raise nothing_usable(sum(map(len, parts)), stale, config, stretches)
     cut = _Cut(Windows.join(parts), np.concatenate(owners), trials, sensor, outside, stale)
     made = follow_levels(_assemble(cut, config, keep=unusable), config.level_follow, usual)
     made = replace(
@@ -270,8 +272,6 @@ def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
             f"{windows.padded} of {number_of(len(windows), 'sequence')} shorter than "
             f"{number_of(config.steps, 'row')}: padded and masked"
         )
-    if not len(windows):
-        raise nothing_usable(len(whole), stale, config)
     if not keep:
         check_size(windows.values, cut.sensor.only(config.channels).channels, lambda at: (
             f"{cut.trials[trial[at]].recording}, in the window from {windows.start_s[at]:.2f} s"
@@ -390,15 +390,6 @@ def _stale(windows: Windows, samples: Samples, config: WindowConfig, sensor: Sen
         return 0
     ageless = cut_windows(samples, replace(config, max_age_s=math.inf), sensor)
     return int(np.isin(windows.start_s[bad], ageless.start_s[ageless.ready]).sum())
-
-
-def owners_of(windows: Windows, trials: Sequence[Trial]) -> NDArray[np.intp]:
-    """Return the trial that each window lies in as a whole, or -1, shape (n,)."""
-    starts = np.array([trial.start_s for trial in trials]) - _TIME_SLACK_S
-    ends = np.array([trial.end_s for trial in trials]) + _TIME_SLACK_S
-    owner = np.searchsorted(starts, windows.start_s, side="right") - 1
-    inside = (owner >= 0) & (windows.end_s <= ends[np.maximum(owner, 0)])
-    return np.where(inside, owner, -1).astype(np.intp)
 
 
 def _matches(trial: Trial, where: Mapping[str, str]) -> bool:

@@ -31,13 +31,14 @@ from taxel.signals import Mark, Samples, SensorInfo
 from taxel.training.fitting import Job, TrainingSet, fit_model, training_windows
 from taxel.training.recipes import Recipe
 from taxel.training.run import contract_of
-from taxel.windows.dataset import load_dataset, owners_of
+from taxel.windows.dataset import load_dataset
 from taxel.windows.reference import (
     ReferenceTouches,
     parse_reference,
     to_usual,
     touch_level,
 )
+from taxel.windows.stretches import owners_of
 from taxel.windows.windower import Windows, cut_windows
 
 ANSWER_ALL = RecogniseConfig(least_confidence=0.0)
