@@ -8,7 +8,7 @@ import pytest
 
 from taxel.cli.main import main
 from taxel.evaluation.outer_split import OuterSplit
-from taxel.training.choose.preparations import load_base
+from taxel.training.choose.base import load_base
 
 QUICK = ["--model", "cnn1d", "--epochs", "1", "--window", "steps=20", "gate=none"]
 

@@ -10,8 +10,9 @@ from taxel.evaluation.nested import check_choosing
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.recordings.imports.importing import ImportRow, import_rows
 from taxel.sim.teng.constants import SENSORS
+from taxel.training.choose.base import Base, load_base
 from taxel.training.choose.budget import Budget
-from taxel.training.choose.preparations import Base, Prepared, load_base, prepare_all
+from taxel.training.choose.preparations import Prepared, prepare_all
 from taxel.training.choose.search import Effort
 
 PRESSES = 16

@@ -12,7 +12,7 @@ from taxel.evaluation.nested import check_choosing
 from taxel.evaluation.outer_split import OuterSplit, check_training_parts
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.evaluation.table_split import GivenSplit
-from taxel.training.choose.preparations import Base
+from taxel.training.choose.base import Base
 from taxel.training.choose.search import Effort
 
 

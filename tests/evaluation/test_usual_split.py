@@ -19,7 +19,7 @@ from taxel.evaluation.usual_split import recipe_split, usual_split
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples
-from taxel.training.choose.preparations import load_base
+from taxel.training.choose.base import load_base
 from taxel.training.loop import TrainConfig
 from taxel.windows.dataset import Dataset
 

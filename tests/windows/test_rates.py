@@ -16,7 +16,8 @@ from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, SensorInfo
-from taxel.training.choose.preparations import candidate_windows, load_base
+from taxel.training.choose.base import load_base
+from taxel.training.choose.preparations import candidate_windows
 from taxel.windows.config import LARGEST_AGE_S, WindowConfig, largest_age_s
 from taxel.windows.dataset import Dataset, load_dataset
 from taxel.windows.rates import differ, with_common_grid

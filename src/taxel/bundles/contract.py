@@ -26,6 +26,7 @@ from taxel.foreign.records import record_of
 from taxel.plain_text import number_of
 from taxel.signals import SensorInfo
 from taxel.windows.config import MOST_RATE_CHANGE, WindowConfig
+from taxel.windows.level_follow import UsualLevel
 from taxel.windows.reference import Reference
 from taxel.windows.scaling import Scaling, ScalingKind
 
@@ -83,17 +84,11 @@ class Contract:
     motion: Motion | None = None
     """How much each channel changed within training windows, so that one that has stopped is
     reported; None where that is not known, as in older bundles: none is reported."""
-    usual: tuple[float, ...] | None = None
-    """Mean square of each channel that levels are followed from (`windows/level_follow.py`), in the
-    channels' units squared; None where they are not followed."""
+    usual: UsualLevel | None = None
+    """The level that sessions are followed from; None where levels are not followed."""
     trial_windows: int = 0
     """Windows of a usual training trial (their median); 0 where that is not known, as in bundles of
     before."""
-
-    @property
-    def usual_level(self) -> NDArray[np.float64] | None:
-        """Return `usual` as an array, shape (channels,); None where levels are not followed."""
-        return None if self.usual is None else np.array(self.usual)
 
     @property
     def most_windows(self) -> int | None:
@@ -284,16 +279,16 @@ def _contract(data: Any) -> Contract:
     )
 
 
-def _usual(entries: Fields, channels: int, window: WindowConfig) -> tuple[float, ...] | None:
+def _usual(entries: Fields, channels: int, window: WindowConfig) -> UsualLevel | None:
     """Return the level that levels are followed from; there is one where the window says so."""
     if (window.level_follow is not None) != ("usual" in entries):
         raise ValueError("levels that follow without a usual level, or the reverse")
     if window.level_follow is None:
         return None
-    found = entries.array("usual", (channels,))
-    if (found < 0).any():
-        raise ValueError("a usual mean square below 0")
-    return tuple(found.tolist())
+    found = record_of(UsualLevel, entries.any("usual"))
+    if len(found.squares) != channels:
+        raise ValueError(f"a usual level of {number_of(len(found.squares), 'channel')}")
+    return found
 
 
 def _joining(data: Any) -> Joining:

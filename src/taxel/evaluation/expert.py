@@ -26,6 +26,7 @@ from taxel.evaluation.splits import Split, TrialFold
 from taxel.labels.joined import parts_of
 from taxel.models.blend import EXPERT, Blend
 from taxel.models.touch_blocks import is_of_grids
+from taxel.training.choose.base import Base, load_base
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.costs import quietest_us
@@ -33,14 +34,7 @@ from taxel.training.choose.fit_choice import fit_choice
 from taxel.training.choose.inner_folds import Held, what_is_held
 from taxel.training.choose.kept_tries import KeptTries
 from taxel.training.choose.limits import USUAL_LIMITS, Fitted, Limits, fit_within
-from taxel.training.choose.preparations import (
-    Base,
-    Prepared,
-    live_note,
-    load_base,
-    prepare,
-    prepare_all,
-)
+from taxel.training.choose.preparations import Prepared, live_note, prepare, prepare_all
 from taxel.training.choose.search import Effort, SearchResult, choose
 from taxel.training.environment import Provenance, code_digest, environment
 from taxel.training.loop import TrainConfig

@@ -25,13 +25,14 @@ from taxel.evaluation.metrics import cross_entropy
 from taxel.evaluation.outer_split import check_training_parts
 from taxel.evaluation.run_scores import RunScores, baseline_warning, judge, least_of_all_right
 from taxel.evaluation.splits import Split, TrialFold
+from taxel.training.choose.base import Base
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.costs import KnownCosts
 from taxel.training.choose.fit_choice import fit_choice, predict_blend
 from taxel.training.choose.inner_folds import what_is_held
 from taxel.training.choose.joining import join
 from taxel.training.choose.limits import USUAL_LIMITS, Fitted, Limits, fit_within
-from taxel.training.choose.preparations import Base, Prepared
+from taxel.training.choose.preparations import Prepared
 from taxel.training.choose.search import Effort, SearchResult, choose
 from taxel.training.predictions import Predictions
 

@@ -16,7 +16,7 @@ from taxel.evaluation.splits import Fold, Split, TrialFold, check_classes, parse
 from taxel.evaluation.table_split import OWN_SPLIT, GivenSplit, split_elsewhere
 from taxel.evaluation.usual_split import usual_split
 from taxel.plain_text import number_of
-from taxel.training.choose.preparations import Base
+from taxel.training.choose.base import Base
 
 FOLDS = 5
 """Source: our choice, docs/decisions/0039."""

@@ -170,7 +170,7 @@ class Recogniser:
 
 def follower_of(contract: Contract) -> LevelFollower | None:
     """Return what follows a session's level for a bundle; None where its levels do not follow."""
-    text, usual = contract.window.level_follow, contract.usual_level
+    text, usual = contract.window.level_follow, contract.usual
     if text is None or usual is None:
         return None
     touches, gap_s = parse_level_follow(text).touches, contract.window.max_gap_s

@@ -101,7 +101,7 @@ def contract_of(
         reference=dataset.reference,
         learned=tuple(sorted({fingerprint_of(own) for own in dataset.fingerprints.values()})),
         motion=measure_motion(dataset, target),
-        usual=None if dataset.usual is None else tuple(dataset.usual.tolist()),
+        usual=dataset.usual,
         trial_windows=int(np.median(np.bincount(dataset.trial))) if len(dataset) else 0,
     )
 

@@ -36,9 +36,9 @@ from taxel.windows.checks import (
     too_old,
 )
 from taxel.windows.config import WindowConfig
-from taxel.windows.level_follow import followed_factors, mean_squares, parse_level_follow
+from taxel.windows.level_follow import UsualLevel, followed_factors, parse_level_follow
 from taxel.windows.rates import fit_age, fit_gap, rates_note, rates_of
-from taxel.windows.reference import Reference, parse_reference, session_levels, to_usual, usual_of
+from taxel.windows.reference import Reference, brought_to_level
 from taxel.windows.stretches import owners_of, whole_stretches
 from taxel.windows.windower import Windows, cut_windows
 
@@ -69,9 +69,8 @@ class Dataset:
     """The level that all sessions were brought to; None where values are as measured."""
     to_level: NDArray[np.float32] | None = None
     """What each trial's values were multiplied by for that, shape (trials, channels)."""
-    usual: NDArray[np.float64] | None = None
-    """The level that each session's was followed from, mean squares of shape (channels,), in the
-    channels' units squared; None where levels are not followed."""
+    usual: UsualLevel | None = None
+    """The level that each session's was followed from; None where levels are not followed."""
     missing: int = 0
     """Windows that were left out, as they hold values that are missing or NaN."""
     fingerprints: Mapping[str, str] = field(default_factory=dict)
@@ -163,7 +162,7 @@ def load_dataset(
     target: str | None = None,
     where: Mapping[str, str] | None = None,
     unusable: bool = False,
-    usual: NDArray[np.float64] | None = None,
+    usual: UsualLevel | None = None,
 ) -> Dataset:
     """Cut all recordings of a folder, or one recording, into windows.
 
@@ -286,7 +285,7 @@ def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
     empty = tuple(cut.trials[index] for index in sorted(set(range(len(cut.trials))) - set(used)))
     reference = to_level = None
     if config.reference is not None:
-        windows, trial, kept, reference, to_level = _referred(
+        windows, trial, kept, reference, to_level = brought_to_level(
             windows, trial, kept, config.reference
         )
         notes.append(
@@ -308,33 +307,7 @@ def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
     )
 
 
-def _referred(
-    windows: Windows, trial: NDArray[np.intp], trials: tuple[Trial, ...], text: str
-) -> tuple[Windows, NDArray[np.intp], tuple[Trial, ...], Reference, NDArray[np.float32]]:
-    """Bring each session to one level; leave out the touches that it was measured on."""
-    touches = parse_reference(text)
-    levels, used = session_levels(windows.values, windows.mask, trial, trials, touches)
-    usual = usual_of(levels)
-    left = ~used[trial]
-    if not left.any():
-        raise BadDataset(
-            "windows beside the reference touches", "none", "record grasps to learn from too"
-        )
-    factor = to_usual(levels, usual)
-    values = windows.values[left] * factor[trial[left], None, :]
-    kept, owner = np.unique(trial[left], return_inverse=True)
-    return (
-        replace(windows[left], values=values),
-        owner.astype(np.intp),
-        tuple(trials[index] for index in kept),
-        Reference(touches=text, level=usual),
-        factor[kept],
-    )
-
-
-def follow_levels(
-    dataset: Dataset, text: str | None, usual: NDArray[np.float64] | None = None
-) -> Dataset:
+def follow_levels(dataset: Dataset, text: str | None, usual: UsualLevel | None = None) -> Dataset:
     """Return a data set whose touches are scaled by their session's level before them.
 
     Args:
@@ -348,16 +321,10 @@ def follow_levels(
     if text is None:
         return dataset
     windows, follow = dataset.windows, parse_level_follow(text)
-    ready = windows.ready
-    squares = mean_squares(windows.values[ready], windows.mask[ready])
-    factor, learned = followed_factors(squares, dataset.trial[ready], dataset.trials, follow, usual)
-    return replace(
-        dataset,
-        windows=replace(windows, values=windows.values * factor[dataset.trial, None, :]),
-        config=replace(dataset.config, level_follow=text),
-        to_level=factor,
-        usual=learned,
-    )
+    factor, learned = followed_factors(windows, dataset.trial, dataset.trials, follow, usual)
+    levelled = replace(windows, values=windows.values * factor[dataset.trial, None, :])
+    config = replace(dataset.config, level_follow=text)
+    return replace(dataset, windows=levelled, config=config, to_level=factor, usual=learned)
 
 
 def recut(path: Path, dataset: Dataset, stride: int, steps: int) -> Dataset:

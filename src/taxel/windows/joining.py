@@ -37,7 +37,10 @@ def join_datasets(first: Dataset, folder: Path, target: str) -> Dataset:
             be joined to one, or there is no window.
     """
     second = only_labelled(
-        load_dataset(folder, first.config), target, folder, f"{LABEL_THEM}; or test on others"
+        load_dataset(folder, first.config, usual=first.usual),
+        target,
+        folder,
+        f"{LABEL_THEM}; or test on others",
     )
     _check_alike(first, second, folder)
     refuse_merged((*first.trials, *second.trials), target, folder)
@@ -45,9 +48,10 @@ def join_datasets(first: Dataset, folder: Path, target: str) -> Dataset:
     if first.reference is not None and second.reference is not None:
         change = to_usual(second.reference.level, first.reference.level)
         windows = replace(second.windows, values=second.windows.values * change)
-        second = replace(second, windows=windows)
-        if first.to_level is not None and second.to_level is not None:
-            levels = np.concatenate([first.to_level, second.to_level * change])
+        to_level = None if second.to_level is None else second.to_level * change
+        second = replace(second, windows=windows, to_level=to_level)
+    if first.to_level is not None and second.to_level is not None:
+        levels = np.concatenate([first.to_level, second.to_level])
     return replace(
         first,
         windows=Windows.join([first.windows, second.windows]),

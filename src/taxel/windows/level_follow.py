@@ -26,6 +26,10 @@ TOUCHES = 10
 MOST_CHANGE = 3.0
 """Largest factor by which a channel's level may differ from the usual one, either way. Source: our
 choice, 0061; gains of pads differ by 0.5 to 2."""
+QUIET_PERCENT, QUIET_SHARE = 5.0, 0.5
+"""A window shows a level only where its loudest channel reaches so large a share of what this
+percentile of training windows reach: without a gate, windows at rest come too. Source: our choice,
+0061."""
 _SEED = 0
 _LARGEST = 10**6
 
@@ -38,6 +42,35 @@ class LevelFollow:
     """A group of trials, such as "session"; live, a session is a run of `taxel live`."""
     touches: int
     """How many touches count as much as the usual level."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UsualLevel:
+    """The level that sessions are followed from."""
+
+    squares: tuple[float, ...]
+    """Each channel's mean square, in the channels' units squared: the geometric mean over the
+    sessions; 0 for a channel that gave nothing."""
+    quietest: float
+    """What the loudest channel of a window must reach to show a level, as a share of its `squares`;
+    windows at rest do not."""
+
+    def __post_init__(self) -> None:
+        if not (min(self.squares, default=0.0) >= 0 and self.quietest >= 0):
+            raise ValueError("a usual level below 0")
+
+    @property
+    def array(self) -> NDArray[np.float64]:
+        """Return `squares` as an array, shape (channels,)."""
+        return np.array(self.squares)
+
+    def shows(self, squares: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which windows show a level, shape (n,).
+
+        Args:
+            squares: As `mean_squares` gives them, shape (n, channels).
+        """
+        return np.asarray(_loudest(squares, self.array) >= self.quietest)
 
 
 def parse_level_follow(text: str) -> LevelFollow:
@@ -67,6 +100,13 @@ def mean_squares(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArra
     return np.asarray((squares * mask[:, :, None]).sum(axis=1) / rows)
 
 
+def _loudest(squares: NDArray[np.float64], usual: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the largest of each window's mean squares over the usual ones, shape (n,)."""
+    if not (usual > 0).any():
+        return np.zeros(len(squares))
+    return np.asarray((squares[:, usual > 0] / usual[usual > 0]).max(axis=1))
+
+
 def factor_of(usual: NDArray[np.float64], level: NDArray[np.float64]) -> NDArray[np.float32]:
     """Return what values at a level are multiplied by, shape as `level`; 1 where nothing is usual.
 
@@ -80,12 +120,12 @@ def factor_of(usual: NDArray[np.float64], level: NDArray[np.float64]) -> NDArray
 
 
 def followed_factors(
-    squares: NDArray[np.float64],
+    windows: Windows,
     trial: NDArray[np.intp],
     trials: Sequence[Trial],
     follow: LevelFollow,
-    usual: NDArray[np.float64] | None = None,
-) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    usual: UsualLevel | None = None,
+) -> tuple[NDArray[np.float32], UsualLevel]:
     """Return what each trial's channels are multiplied by, and the usual level.
 
     To learn from, each trial's earlier touches are some of its session drawn at random, so that
@@ -93,14 +133,14 @@ def followed_factors(
     of the other sessions alone. Where the usual level is given, they are those before it in time.
 
     Args:
-        squares: Of all windows, as `mean_squares` gives them.
+        windows: All of them, as measured.
         trial: Each window's trial, shape (n,).
-        trials: All trials, each with at least one window.
+        trials: All trials; one without a window that may be used shows no level.
         follow: How levels follow.
-        usual: Mean squares that a bundle learned, shape (channels,); None to learn them.
+        usual: What a bundle learned; None to learn it.
 
     Returns:
-        Factors of shape (trials, channels), and mean squares of shape (channels,).
+        Factors of shape (trials, channels), and the usual level.
 
     Raises:
         BadDataset: A trial lacks the group.
@@ -111,29 +151,42 @@ def followed_factors(
             f"none on {lacking[0].groups.get('trial', lacking[0].recording)}",
             f"import with the column group:{follow.key}",
         )
-    count = np.maximum(np.bincount(trial, minlength=len(trials)), 1)[:, None]
-    each = np.stack(
-        [np.bincount(trial, own, minlength=len(trials)) for own in squares.T], axis=1
-    ) / count  # fmt: skip
+    ready = windows[windows.ready]
+    owner, squares = trial[windows.ready], mean_squares(ready.values, ready.mask)
+    if usual is not None:
+        shown = usual.shows(squares)
+        owner, squares = owner[shown], squares[shown]
+    count = np.bincount(owner, minlength=len(trials))
+    sums = [np.bincount(owner, own, minlength=len(trials)) for own in squares.T]
+    each = np.stack(sums, axis=1) / np.maximum(count, 1)[:, None]
     sessions = np.array([own.groups[follow.key] for own in trials])
     names = sorted(set(sessions))
-    logs = np.stack([_log(each[sessions == name].mean(axis=0)) for name in names])
-    learned = _mean_of_logs(logs) if usual is None else usual
+    touched = count > 0
+    logs = np.stack([_log(each[(sessions == name) & touched]) for name in names])
+    learned = _learned(logs, squares) if usual is None else usual
     random = np.random.default_rng(_SEED)
     level = np.empty_like(each)
     for place, name in enumerate(names):
         own = np.flatnonzero(sessions == name)
-        before = usual
-        if before is None:
+        before = learned.array
+        if usual is None:
             own = random.permutation(own)
             others = np.delete(logs, place, axis=0)
             before = _mean_of_logs(others if len(others) else logs)
         else:
             own = np.array(sorted(own, key=lambda i: _time_of(trials[i])), np.intp)
         past = np.cumsum(each[own], axis=0) - each[own]
-        number = np.arange(len(own))[:, None]
+        number: NDArray[np.intp] = (np.cumsum(touched[own]) - touched[own])[:, None]
         level[own] = (follow.touches * before + past) / (follow.touches + number)
-    return factor_of(learned, level), learned
+    return factor_of(learned.array, level), learned
+
+
+def _learned(logs: NDArray[np.float64], squares: NDArray[np.float64]) -> UsualLevel:
+    """Return the usual level of sessions, shape (sessions, channels), and of their windows."""
+    usual = _mean_of_logs(logs)
+    loudest = _loudest(squares, usual)
+    quiet = float(np.percentile(loudest, QUIET_PERCENT)) if len(loudest) else 0.0
+    return UsualLevel(squares=tuple(usual.tolist()), quietest=QUIET_SHARE * quiet)
 
 
 def _time_of(trial: Trial) -> tuple[str, float]:
@@ -142,8 +195,9 @@ def _time_of(trial: Trial) -> tuple[str, float]:
 
 
 def _log(squares: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return logarithms; NaN of what is 0."""
-    return np.asarray(np.log(np.where(squares > 0, squares, np.nan)))
+    """Return the logarithm of each channel's mean over touches, shape (channels,); NaN of 0."""
+    mean = squares.sum(axis=0) / max(1, len(squares))
+    return np.asarray(np.log(np.where(mean > 0, mean, np.nan)))
 
 
 def _mean_of_logs(logs: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -161,19 +215,20 @@ class LevelFollower:
     of training has.
 
     Args:
-        usual: Mean squares of training, shape (channels,).
+        usual: What training learned.
         touches: How many touches count as much.
         gap_s: Rows further apart belong to two touches, seconds.
         most_windows: Windows of a touch at most; None: however many a pause ends.
     """
 
     def __init__(
-        self, usual: NDArray[np.float64], touches: int, gap_s: float, most_windows: int | None
+        self, usual: UsualLevel, touches: int, gap_s: float, most_windows: int | None
     ) -> None:
-        self._usual, self._gap_s, self._most = usual, gap_s, most_windows
-        self._weight, self._level = float(touches), usual.copy()
-        self._sum, self._windows, self._end_s = np.zeros_like(usual), 0, -np.inf
-        self.factor = factor_of(usual, usual)
+        self._known, self._gap_s, self._most = usual, gap_s, most_windows
+        self._usual, self._level = usual.array, usual.array
+        self._weight, self._end_s = float(touches), -np.inf
+        self._sum, self._windows = np.zeros_like(self._usual), 0
+        self.factor = factor_of(self._usual, self._usual)
         """Shape (channels,): what the next window's values are multiplied by."""
         self.touches = 0
         """How many have ended."""
@@ -187,8 +242,11 @@ class LevelFollower:
 
     def add(self, window: Windows) -> None:
         """Take in what was measured in that window, as it came."""
-        if window.ready[0] and window.mask[0].any():
-            self._sum += mean_squares(window.values, window.mask)[0]
+        if not (window.ready[0] and window.mask[0].any()):
+            return
+        squares = mean_squares(window.values, window.mask)
+        if self._known.shows(squares)[0]:
+            self._sum += squares[0]
             self._windows += 1
 
     def _take_in(self) -> None:

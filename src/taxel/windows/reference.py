@@ -10,13 +10,14 @@ about files, labels to predict, splits or models.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadInput
 from taxel.labels.trials import Trial
+from taxel.windows.windower import Windows
 
 NOTHING = 0.02
 """Below this share of its usual level a channel gives nothing but noise. Source: our choice,
@@ -148,6 +149,44 @@ def session_levels(
         level[inside] = touch_level(values[own], mask[own])
         used[first] = True
     return _without_silent(level), used
+
+
+def brought_to_level(
+    windows: Windows, trial: NDArray[np.intp], trials: tuple[Trial, ...], text: str
+) -> tuple[Windows, NDArray[np.intp], tuple[Trial, ...], Reference, NDArray[np.float32]]:
+    """Bring each session to one level; leave out the touches that it was measured on.
+
+    Args:
+        windows: All of them.
+        trial: Each window's trial, shape (n,).
+        trials: All trials, each with at least one window.
+        text: As `WindowConfig.reference` has it.
+
+    Returns:
+        The windows left, the trial of each, those trials, the level, and what each trial's values
+        were multiplied by, shape (trials, channels).
+
+    Raises:
+        BadDataset: A session has fewer reference touches, or nothing else.
+    """
+    touches = parse_reference(text)
+    levels, used = session_levels(windows.values, windows.mask, trial, trials, touches)
+    usual = usual_of(levels)
+    left = ~used[trial]
+    if not left.any():
+        raise BadDataset(
+            "windows beside the reference touches", "none", "record grasps to learn from too"
+        )
+    factor = to_usual(levels, usual)
+    values = windows.values[left] * factor[trial[left], None, :]
+    kept, owner = np.unique(trial[left], return_inverse=True)
+    return (
+        replace(windows[left], values=values),
+        owner.astype(np.intp),
+        tuple(trials[index] for index in kept),
+        Reference(touches=text, level=usual),
+        factor[kept],
+    )
 
 
 def _without_silent(level: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -12,13 +12,8 @@ from taxel.evaluation.outer_split import OuterSplit
 from taxel.evaluation.splits import TrialFold
 from taxel.evaluation.table_split import GivenSplit
 from taxel.recordings.imports.importing import ImportOptions, ImportRow, import_rows, import_table
-from taxel.training.choose.preparations import (
-    Base,
-    candidate_windows,
-    live_note,
-    load_base,
-    prepare_all,
-)
+from taxel.training.choose.base import Base, load_base
+from taxel.training.choose.preparations import candidate_windows, live_note, prepare_all
 from taxel.training.motion import measure_motion
 from taxel.windows.dataset import load_dataset
 

@@ -16,6 +16,7 @@ from taxel.evaluation.table_split import GivenSplit
 from taxel.models.blend import Blend, read_plan
 from taxel.models.kernel_features import KERNELS, KernelFeatures
 from taxel.models.touchnet import TouchNet
+from taxel.training.choose.base import Base, load_base
 from taxel.training.choose.budget import TRYING, Budget
 from taxel.training.choose.candidates import Candidate, feature_sets, first_round
 from taxel.training.choose.choice import Member, read_choice, write_choice
@@ -25,13 +26,7 @@ from taxel.training.choose.inner_folds import Held
 from taxel.training.choose.kept_tries import KeptTries
 from taxel.training.choose.limits import Limits, fit_within
 from taxel.training.choose.networks import TRAIN, settle_norms
-from taxel.training.choose.preparations import (
-    Base,
-    Prepared,
-    candidate_windows,
-    load_base,
-    prepare_all,
-)
+from taxel.training.choose.preparations import Prepared, candidate_windows, prepare_all
 from taxel.training.choose.search import Effort, choose
 from taxel.training.loop import Labelled, evaluate, fit, new_network
 

@@ -10,12 +10,13 @@ import pytest
 from taxel.errors import BadSplit
 from taxel.recordings.imports.importing import ImportRow, import_rows
 from taxel.sim.teng.constants import SENSORS
+from taxel.training.choose.base import Base, load_base
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.cuts import best_cut
 from taxel.training.choose.inner_folds import Held
 from taxel.training.choose.part import Part, Tried
-from taxel.training.choose.preparations import Base, Prepared, load_base, prepare_all
+from taxel.training.choose.preparations import Prepared, prepare_all
 from taxel.training.choose.search import Effort, SearchResult, choose, out_of_fold
 
 RATE = 100.0

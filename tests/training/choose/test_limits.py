@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from taxel.models.heads import TreesHead
 from taxel.models.onnx_session import WindowModel
 from taxel.models.touch_features import TouchFeatures
+from taxel.training.choose.base import load_base
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.candidates import Candidate, discriminant, first_round
 from taxel.training.choose.choice import Choice, Member
@@ -22,7 +23,7 @@ from taxel.training.choose.fitting import fit_head
 from taxel.training.choose.inner_folds import Held
 from taxel.training.choose.limits import Limits, _quick_enough, _Saving, _units, fit_within
 from taxel.training.choose.pieces import Pieces, engine_us
-from taxel.training.choose.preparations import load_base, prepare_all
+from taxel.training.choose.preparations import prepare_all
 from taxel.training.choose.search import Effort, SearchResult, choose
 
 TRAIN = list(range(16))

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from taxel.training.choose.base import load_base
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.inner_folds import Held, inner_folds
 from taxel.training.choose.network_folds import NetworkFolds
 from taxel.training.choose.part import Part, training_part
-from taxel.training.choose.preparations import load_base, prepare_all
+from taxel.training.choose.preparations import prepare_all
 
 NETWORK = Candidate("network", "touchnet", "")
 TRAIN = list(range(16))

@@ -145,7 +145,7 @@ def only_label(data: Path, usual: str | None = None) -> str:
     Raises:
         BadInput: They have none, or several to choose from.
     """
-    from taxel.training.choose.preparations import ROWS
+    from taxel.training.choose.base import ROWS
     from taxel.windows.dataset import load_dataset
 
     trials = load_dataset(data, ROWS).trials

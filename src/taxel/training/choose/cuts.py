@@ -134,9 +134,9 @@ class _Cutting:
     def followed(self, text: str) -> _Cutting:
         """Return the same windows with levels that follow."""
         levels = self.whole.prepared.followed(text)
-        return _Cutting(
-            replace(self.whole, prepared=levels), replace(self.part, prepared=levels), self.share
-        )
+        whole = replace(self.whole, prepared=levels)
+        part = whole if self.part is self.whole else replace(self.part, prepared=levels)
+        return _Cutting(whole, part, self.share)
 
     def with_guesses(self, loss: float) -> float:
         """Return a loss of the decided trials, nats, with the others guessed at."""

@@ -14,12 +14,13 @@ from torch import nn
 
 from taxel.models.blend import NETWORK, Blend, Part, Plan
 from taxel.models.kernel_features import KERNELS
+from taxel.training.choose.base import Base
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice, Member
 from taxel.training.choose.cores import working_threads
 from taxel.training.choose.fitting import fit_head
 from taxel.training.choose.networks import thinning, train_network, untrained
-from taxel.training.choose.preparations import Base, Prepared
+from taxel.training.choose.preparations import Prepared
 
 Heads = dict[tuple[Candidate, int], nn.Module]
 """Candidate and number of its copy → what was fitted."""

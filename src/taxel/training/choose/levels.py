@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from statistics import median
 
 from taxel.labels.trials import SESSIONS
+from taxel.training.choose.base import Base
 from taxel.training.choose.inner_folds import Held
-from taxel.training.choose.preparations import Base
 from taxel.windows.level_follow import TOUCHES
 
 FEWEST_SESSIONS = 3

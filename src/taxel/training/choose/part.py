@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.training.choose.base import Base
 from taxel.training.choose.candidates import Candidate, Sets, feature_sets
 from taxel.training.choose.inner_folds import judged
-from taxel.training.choose.preparations import Base, Prepared
+from taxel.training.choose.preparations import Prepared
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from taxel.decisions.joining import Joining
 from taxel.errors import BadSplit
 from taxel.models.kernel_features import KERNELS
 from taxel.plain_text import number_of
+from taxel.training.choose.base import Base
 from taxel.training.choose.blending import (
     LEAST,
     doubted,
@@ -48,7 +49,7 @@ from taxel.training.choose.levels import level_to_follow
 from taxel.training.choose.network_folds import NetworkFolds
 from taxel.training.choose.part import Part, Tried, training_part
 from taxel.training.choose.pieces import Pieces
-from taxel.training.choose.preparations import Base, Prepared
+from taxel.training.choose.preparations import Prepared
 
 _FEWEST = 3
 """Candidates that are tried whatever the time: a discriminant, logistic regression, trees. Source:
