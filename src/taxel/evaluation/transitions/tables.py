@@ -168,7 +168,6 @@ def measure_rows(
     base: HeadConfig,
     *,
     every_cup: bool = True,
-    key: str = "cup",
     on_row: Callable[[str], None] = lambda _: None,
 ) -> list[TableRow]:
     """Train and judge rows, two side by side.
@@ -180,10 +179,9 @@ def measure_rows(
         plans: Which rows.
         base: How heads are trained; head and frames come from the plan.
         every_cup: Also hold out each cup in turn, for rows of `FRAMES` frames.
-        key: The group that is held out whole.
         on_row: Called with a model's name when it is done.
     """
-    folds = cup_folds(data.groups(key), key)
+    folds = cup_folds(data.cups())
     jobs = []
     for plan in plans:
         head = find_transition(plan.model).head
@@ -235,24 +233,24 @@ def _judge_folds(
     return judged, perf_counter() - started, name
 
 
-def trivial_rows(data: CameraSet, frames: int = FRAMES, key: str = "cup") -> list[TrivialRow]:
+def trivial_rows(data: CameraSet) -> list[TrivialRow]:
     """Return the trivial baselines: one number a window, thresholds learned on training cups.
 
     That number is the last frame's. Of the difference there is also the largest of the window's
     frames: a window counts as unstable when one of its frames does.
     """
-    folds = cup_folds(data.groups(key), key)
+    folds = cup_folds(data.cups())
     columns = [trivial_features(data, index) for index in range(len(data.pours))]
     known: dict[str, list[NDArray[np.float64]] | None] = {
-        name: [column[name][frames - 1 :] for column in columns] for name in columns[0]
+        name: [column[name][FRAMES - 1 :] for column in columns] for name in columns[0]
     }
     known[LARGEST_DIFFERENCE] = [
-        sliding_window_view(column[DIFFERENCE], frames).max(axis=1) for column in columns
+        sliding_window_view(column[DIFFERENCE], FRAMES).max(axis=1) for column in columns
     ]
     known["the commonest class"] = None
     rows = []
     for name, values in known.items():
-        judged = [_judge_trivial(data, values, fold, frames) for fold in folds]
+        judged = [_judge_trivial(data, values, fold) for fold in folds]
         rows.append(
             TrivialRow(
                 name=name, single=score_windows(judged[-1:]), every_cup=score_windows(judged)
@@ -262,26 +260,19 @@ def trivial_rows(data: CameraSet, frames: int = FRAMES, key: str = "cup") -> lis
 
 
 def _judge_trivial(
-    data: CameraSet, values: list[NDArray[np.float64]] | None, fold: TrialFold, frames: int
+    data: CameraSet, values: list[NDArray[np.float64]] | None, fold: TrialFold
 ) -> Judged:
-    labels = {i: label_windows(data.labels[i], frames) for i in (*fold.train_rows, *fold.test_rows)}
+    """Judge one number a window by a small tree; without numbers, by the commonest class."""
+    labels = {i: label_windows(data.labels[i], FRAMES) for i in (*fold.train_rows, *fold.test_rows)}
+    tested = tuple(labels[i] for i in fold.test_rows)
     wanted = np.concatenate([labels[i] for i in fold.train_rows])
-    if values is None:
+    if values is None or len(np.unique(wanted)) == 1:
         share = float(wanted.mean())
-        found = tuple(np.full(len(labels[i]), share, np.float32) for i in fold.test_rows)
-        return Judged(fold, found, tuple(labels[i] for i in fold.test_rows))
+        return Judged(fold, tuple(np.full(len(own), share, np.float32) for own in tested), tested)
     seen = np.concatenate([values[i] for i in fold.train_rows])[:, None]
     tree = DecisionTreeClassifier(max_depth=3, min_samples_leaf=50).fit(seen, wanted)
-    column = list(tree.classes_).index(1) if 1 in tree.classes_ else None
-    found = tuple(
-        (
-            tree.predict_proba(values[i][:, None])[:, column]
-            if column is not None
-            else np.zeros(len(labels[i]))
-        ).astype(np.float32)
-        for i in fold.test_rows
-    )
-    return Judged(fold, found, tuple(labels[i] for i in fold.test_rows))
+    found = (tree.predict_proba(values[i][:, None])[:, 1] for i in fold.test_rows)
+    return Judged(fold, tuple(own.astype(np.float32) for own in found), tested)
 
 
 def score_windows(judged: Sequence[Judged]) -> WindowScores:
