@@ -52,7 +52,7 @@ def probed() -> ProbeSet:
 @pytest.mark.slow
 def test_brightness_is_found_by_the_probe_and_from_few_objects_too(probed: ProbeSet) -> None:
     rows = [probed.rows_of(Colours())] * len(probed.split.folds)
-    found = probe_all(probed, {"colours": rows}, lambda line: None)["colours"]
+    found = probe_all(probed, {"colours": rows})["colours"]
 
     assert (found.probabilities.argmax(axis=1) == probed.y).all()
     assert few_objects(probed, rows, 4, 2)[0] == 1.0

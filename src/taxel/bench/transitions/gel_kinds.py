@@ -10,8 +10,7 @@ Source: docs/decisions/0037.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from taxel.bench.rows import Row, missing
@@ -31,23 +30,15 @@ WARNINGS: Final = (CUP_POUR, BOTH_GELS)
 """Bundles that are judged."""
 
 
-def gel_kind_rows(
-    folder: Path | None = None, on_step: Callable[[str], None] = lambda _: None
-) -> list[Row]:
-    """Render what is missing, and judge on both versions: ten minutes of one core a gel.
-
-    Args:
-        folder: Where poses are kept.
-        on_step: Called with a line before each file that is rendered.
-    """
+def gel_kind_rows() -> list[Row]:
+    """Render what is missing, and judge on both versions: ten minutes of one core a gel."""
     import cv2
 
     cv2.setNumThreads(1)
-    place = folder or poses_folder()
+    place = poses_folder()
     pours: dict[Gel, list[PourRows]] = {gel: [] for gel in GELS}
     for gel in GELS:
         for cup, part, runs in _parts():
-            on_step(f"gel {gel}, {part} of test cup {cup}")
             pours[gel] += keep_runs(pose_file(place, cup, part, gel), runs, follow(gel))
     warners = [shipped_warner(name) for name in WARNINGS]
     return [row for gel in GELS for row in judge_kinds(warners, pours[gel], f"on gel {gel}")]

@@ -8,7 +8,7 @@ Background of our choices: docs/decisions/0058.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import TYPE_CHECKING
@@ -93,7 +93,7 @@ def _image_times(
     return times, spent
 
 
-def probe_rows(data: Path | None, on_step: Callable[[str], None] = lambda line: None) -> list[Row]:
+def probe_rows(data: Path | None) -> list[Row]:
     """Probe the encoder that comes with taxel beside the others; it never saw a real image."""
     goal = f"> 0, p < {LEVEL:g}"
     if data is None or not (data / "gelsight-slip").exists():
@@ -106,7 +106,7 @@ def probe_rows(data: Path | None, on_step: Callable[[str], None] = lambda line: 
     folder = data / "gelsight-slip"
     probed = _probe_set(folder)
     rows = {TOUCH: _rows_of_ours(probed), **_rows_of_others(folder, probed)}
-    found = probe_all(probed, rows, on_step)
+    found = probe_all(probed, rows)
     found["commonest class"] = commonest(probed.labelled, probed.split)
     return [
         *_table(probed, found),

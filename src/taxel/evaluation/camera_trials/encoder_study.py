@@ -8,7 +8,7 @@ Background of our choices: docs/decisions/0058.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -61,20 +61,14 @@ class ProbeSet:
         return pooled(found.reshape(len(self.y), -1, *found.shape[1:]))
 
 
-def probe_all(
-    probed: ProbeSet, rows: Mapping[str, list[Rows]], on_step: Callable[[str], None]
-) -> dict[str, ProbeResult]:
+def probe_all(probed: ProbeSet, rows: Mapping[str, list[Rows]]) -> dict[str, ProbeResult]:
     """Return each network's probe.
 
     Args:
         probed: The trials.
         rows: Name → rows of each fold.
-        on_step: Called with a line before each fold.
     """
-    return {
-        name: probe(name, own, probed.labelled, probed.split, on_step=on_step)
-        for name, own in rows.items()
-    }
+    return {name: probe(name, own, probed.labelled, probed.split) for name, own in rows.items()}
 
 
 def few_objects(

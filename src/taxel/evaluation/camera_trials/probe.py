@@ -9,7 +9,7 @@ Background of our choices: docs/decisions/0058.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -91,7 +91,6 @@ def probe(
     labelled: Labelled,
     split: TrialSplit,
     seed: int = 0,
-    on_step: Callable[[str], None] = lambda line: None,
 ) -> ProbeResult:
     """Return a probe's predictions for each fold's test trials.
 
@@ -101,13 +100,11 @@ def probe(
         labelled: What the rows are of.
         split: The folds.
         seed: Of inner folds.
-        on_step: Called with a line before each fold.
     """
     trial, y, groups = labelled.trial, labelled.y, labelled.groups
     classes = int(y.max()) + 1
     probabilities, inner = np.full((len(y), classes), np.nan), []
     for own, fold in zip(rows, split.folds, strict=True):
-        on_step(f"{name}, {fold.name}")
         learning = Learning(own, trial, y, groups, classes)
         probabilities[fold.test_rows], loss = probe_once(
             learning.part(fold.train_rows), learning.part(fold.test_rows), seed

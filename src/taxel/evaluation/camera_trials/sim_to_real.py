@@ -9,7 +9,7 @@ Background of our choices: docs/decisions/0059.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Final, Literal
@@ -82,7 +82,6 @@ def transfer(
     *,
     draws: int = 1,
     ranking: Ranking = "by domain",
-    on_step: Callable[[str], None] = lambda line: None,
 ) -> Found:
     """Return predictions for each fold's test trials, draw by draw.
 
@@ -94,14 +93,12 @@ def transfer(
         draws: How often few objects are drawn.
         ranking: Whose ranks columns are turned into. By domain, those of real rows come from all
             images of the fold's training objects, whose labels that does not need.
-        on_step: Called with a line before each fold.
 
     Raises:
         BadDataset: There is nothing to learn from, or no such draw of objects has every class.
     """
     probabilities = np.full((draws, len(real.y), real.classes), np.nan)
     for fold in split.folds:
-        on_step(fold.name)
         known, test = real.part(fold.train_rows), real.part(fold.test_rows)
         for draw in range(draws):
             labelled = None
