@@ -1,5 +1,7 @@
 """Claims about how the touch encoder is judged: every network has the same probe."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
@@ -9,6 +11,7 @@ from taxel.evaluation.camera_trials.encoder_study import (
     ProbeSet,
     few_objects,
     probe_all,
+    slip_probe_set,
 )
 from taxel.evaluation.camera_trials.probe import commonest
 from taxel.evaluation.camera_trials.sides import split_trials
@@ -66,3 +69,17 @@ def test_the_commonest_class_is_counted_on_each_folds_training_side(probed: Prob
         assert found.probabilities[fold.test_rows] == pytest.approx(
             np.tile([1 - share, share], (len(fold.test_rows), 1))
         )
+
+
+def test_who_slipped_is_asked_of_whole_objects_never_seen() -> None:
+    trials = [
+        SimpleNamespace(labels={"outcome": outcome}, groups={"object": f"object {i}"})
+        for i in range(OBJECTS)
+        for outcome in ("slip", "stable")
+    ]
+    found = slip_probe_set(trials)  # type: ignore[arg-type]  # all of a trial that it looks at
+
+    assert found.y.tolist() == [1, 0] * OBJECTS
+    assert len(found.split.folds) == 5
+    for fold in found.split.folds:
+        assert not set(found.objects[fold.train_rows]) & set(found.objects[fold.test_rows])

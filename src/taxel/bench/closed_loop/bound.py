@@ -41,8 +41,6 @@ def grip_bound() -> list[Row]:
                 "and sudden slips prevented",
                 value=sum(held) / len(drops) if drops else None,
                 unit="share",
-                goal="",
-                ok=None,
                 note=f"{sum(held)} of {len(drops)}; of {len(holds)} pours that hold it raises "
                 f"{raised} ({raised / max(len(holds), 1):.1%}; the goal is 2 %)",
             )

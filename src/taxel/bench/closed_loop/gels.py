@@ -127,7 +127,7 @@ def _rows(name: str, held: LoopScores, person: LoopScores) -> list[Row]:
 
 def _row(name: str, value: float, note: str) -> Row:
     # No number where there was no such pour.
-    return Row(name=name, value=None if value != value else value, unit="share", goal="", ok=None,
+    return Row(name=name, value=None if value != value else value, unit="share",
                note=note)  # fmt: skip
 
 

@@ -288,7 +288,7 @@ def _of(scores: LoopScores) -> str:
 def _info(name: str, value: float, unit: str, note: str) -> Row:
     known = bool(np.isfinite(value))
     return Row(
-        name=name, value=value if known else None, unit=unit, goal="", ok=None,
+        name=name, value=value if known else None, unit=unit,
         note=note if known else f"none to measure it on; {note}",
     )  # fmt: skip
 

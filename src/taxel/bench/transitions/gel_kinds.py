@@ -71,7 +71,7 @@ def _rows(name: str, tracks: Sequence[WarningTrack], threshold: float) -> list[R
     if events.events:
         low, high = events.missed_interval
         rows.append(
-            Row(name=missed, value=float(events.missed_share), unit="share", goal="", ok=None,
+            Row(name=missed, value=float(events.missed_share), unit="share",
                 note=f"{number_of(events.events, 'slip')}, 95 % {low:.3f} … {high:.3f}; median "
                 f"lead before 300 µm {events.lead_median_s:.2f} s")
         )  # fmt: skip
@@ -80,7 +80,7 @@ def _rows(name: str, tracks: Sequence[WarningTrack], threshold: float) -> list[R
 
 def _alarms(name: str, events: EventScores) -> Row:
     low, high = events.false_alarms_poisson
-    return Row(name=name, value=float(events.false_alarms_per_min), unit="1/min", goal="", ok=None,
+    return Row(name=name, value=float(events.false_alarms_per_min), unit="1/min",
                note=f"{events.false_alarms} in {events.hold_min:.1f} min that hold, exact Poisson "
                f"{low:.2f} … {high:.2f}")  # fmt: skip
 

@@ -166,8 +166,8 @@ def _rows(name: str, tracks: Sequence[WarningTrack], warner: Warner, *, goals: b
     slid = ", ".join(f"{what} {count}" for what, count in scores.alarms_by_slip.items())
     alarmed = f"95 % {low:.2f} … {high:.2f}, cups resampled; by the pour's largest slip: {slid}"
     least, most = events.missed_interval
-    missed = Row(name=f"{name}: missed", value=float(events.missed_share), unit="share", goal="",
-                 ok=None, note=f"95 % {least:.3f} … {most:.3f}")  # fmt: skip
+    missed = Row(name=f"{name}: missed", value=float(events.missed_share), unit="share",
+                 note=f"95 % {least:.3f} … {most:.3f}")  # fmt: skip
     rate = events.false_alarms_per_min
     if goals:
         return [
@@ -176,7 +176,7 @@ def _rows(name: str, tracks: Sequence[WarningTrack], warner: Warner, *, goals: b
             row(alarms, rate, "1/min", "<=", _MOST_PER_MIN, alarmed),
         ]
     return [
-        Row(name=lead, value=float(events.lead_median_s), unit="s", goal="", ok=None, note=about),
+        Row(name=lead, value=float(events.lead_median_s), unit="s", note=about),
         missed,
-        Row(name=alarms, value=float(rate), unit="1/min", goal="", ok=None, note=alarmed),
+        Row(name=alarms, value=float(rate), unit="1/min", note=alarmed),
     ]

@@ -114,7 +114,7 @@ def _kind_rows(kind: Kind, tracks: Sequence[StateTrack]) -> list[Row]:
 
 def _row(name: str, value: float, unit: str, note: str) -> Row:
     known = None if value != value else float(value)
-    return Row(name=name, value=known, unit=unit, goal="", ok=None, note=note)
+    return Row(name=name, value=known, unit=unit, note=note)
 
 
 def _file(folder: Path, cup: int) -> Path:

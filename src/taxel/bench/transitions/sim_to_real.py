@@ -125,6 +125,7 @@ def _study(data: Path | None) -> _Study | None:
     """Return the study's trials; None without the recordings."""
     if data is None or not (data / "gelsight-slip").exists():
         return None
+    from taxel.evaluation.camera_trials.encoder_study import slip_probe_set
     from taxel.evaluation.camera_trials.simulated_trials import choose_trials, simulated_rows
     from taxel.training.encoder.stored import shipped_encoder
     from taxel.windows.camera_trials import read_camera_trials
@@ -134,7 +135,7 @@ def _study(data: Path | None) -> _Study | None:
     trials = choose_trials(FIRST_CUP, CUPS, MOST, folder)
     plain, copies = simulated_rows(trials, encoder, folder)
     both = {features: _Both(rows, copies[features]) for features, rows in plain.items()}
-    return _Study(_probed(found), found, trials, both, encoder, folder)
+    return _Study(slip_probe_set(found), found, trials, both, encoder, folder)
 
 
 def _feature_rows(probed: ProbeSet, feature: str, domains: _Domains) -> list[Row]:
@@ -262,7 +263,7 @@ def _row(
             f"[{more.auc_interval[0]:+.3f}, {more.auc_interval[1]:+.3f}]"
         )
     text += f"; {note}" if note else ""
-    return Row(name=f"{NAME}: {what}", value=scores.accuracy, unit="accuracy", goal="", ok=None,
+    return Row(name=f"{NAME}: {what}", value=scores.accuracy, unit="accuracy",
                note=text)  # fmt: skip
 
 
@@ -280,19 +281,6 @@ def _of_simulated(trials: Sequence[SimulatedTrial], *copies: Rows) -> Learning:
     together = np.concatenate(each, axis=1)
     cups = np.array([trial.cup for trial in trials])
     return _learning(together.reshape(-1, together.shape[2]), y, cups)
-
-
-def _probed(trials: Sequence[CameraTrial]) -> ProbeSet:
-    """Return labels, objects and folds of gelsight-slip."""
-    from taxel.evaluation.camera_trials.encoder_study import ProbeSet
-    from taxel.evaluation.camera_trials.sides import split_trials
-
-    y = np.array([trial.labels["outcome"] == "slip" for trial in trials]).astype(np.intp)
-    groups = [trial.groups for trial in trials]
-    return ProbeSet(
-        y=y, objects=np.array([own["object"] for own in groups]),
-        split=split_trials(groups, y, "group:object", 5, 0), videos=(),
-    )  # fmt: skip
 
 
 def _cache(encoder: nn.Module) -> Path:

@@ -71,8 +71,6 @@ def _row(name: str, tracks: Sequence[WarningTrack]) -> Row:
         name=f"slip warning, bound: {name}: median lead before 300 um",
         value=of_papers.lead_median_s,
         unit="s",
-        goal="",
-        ok=None,
         note=f"95 % {low:.2f} … {high:.2f}; 5 % {of_papers.lead_p5_s:.2f} s, missed "
         f"{of_papers.missed_share:.3f} of {of_papers.events}; "
         f"{of_papers.false_alarms_per_min:.2f} false alarms a minute in "

@@ -317,10 +317,10 @@ def _late_row(name: str, tracks: Sequence[WarningTrack], threshold: float) -> Ro
     own = [track for track in tracks if track.groups["kind"] == "late slip"]
     what = f"{name}: median lead, late slips"
     if not any(track.event_s is not None for track in own):
-        return Row(name=what, value=None, unit="s", goal="", ok=None, note="none rendered yet")
+        return Row(name=what, value=None, unit="s", note="none rendered yet")
     scores, _ = score_warnings(own, threshold)
     events = scores.events
-    return Row(name=what, value=events.lead_median_s, unit="s", goal="", ok=None,
+    return Row(name=what, value=events.lead_median_s, unit="s",
                note=f"{events.events} slips, missed {events.missed_share:.2f}; false alarms "
                f"{events.false_alarms} in {events.hold_min:.1f} min")  # fmt: skip
 
@@ -333,11 +333,11 @@ def _group_row(name: str, key: str, tracks: Sequence[WarningTrack], threshold: f
         for value, scores in by_group(outcomes, key).items()
     ]
     return Row(name=f"{name}: lead, missed and false alarms by {key}", value=None, unit="",
-               goal="", ok=None, note="; ".join(parts))  # fmt: skip
+               note="; ".join(parts))  # fmt: skip
 
 
 def _without_goal(row: Row) -> Row:
-    return Row(name=row.name, value=row.value, unit=row.unit, goal="", ok=None, note=row.note)
+    return Row(name=row.name, value=row.value, unit=row.unit, note=row.note)
 
 
 def _about(scores: WarningScores, warner: Warner) -> str:
