@@ -19,6 +19,7 @@ from taxel.calibration.figures_of_merit import (
     Uniformity,
     ghosts,
     hysteresis,
+    quartiles,
     repeatability_v,
     uniformity,
     usable_range,
@@ -39,7 +40,6 @@ from taxel.calibration.responses import Measure, Responses, measure_responses
 from taxel.calibration.results import (
     Array,
     Characterisation,
-    Interval,
     PressedRecording,
     SensorResult,
 )
@@ -169,9 +169,9 @@ def _sensor(
         sensitivity=() if curve is None else _sensitivity(curve, force_n),
         smallest_n=range_n[0],
         largest_n=range_n[1],
-        rise_s=_quartiles(presses.rise_s),
-        fall_s=_quartiles(presses.fall_s),
-        recovery_s=_quartiles(presses.recovery_s),
+        rise_s=quartiles(presses.rise_s),
+        fall_s=quartiles(presses.fall_s),
+        recovery_s=quartiles(presses.recovery_s),
         noise=noise,
         rest=measured.lines[channel],
         errors=errors_of(held, rng),
@@ -182,14 +182,6 @@ def _sensitivity(curve: Curve, force_n: Array) -> tuple[tuple[float, float], ...
     low, high = float(force_n.min()), float(force_n.max())
     at = (low, math.sqrt(low * high), high)
     return tuple((force, float(curve.slope_v_per_n(force))) for force in at)
-
-
-def _quartiles(values: Array) -> Interval:
-    known = values[np.isfinite(values)]
-    if len(known) == 0:
-        return math.nan, math.nan, math.nan
-    low, middle, high = np.percentile(known, [25, 50, 75])
-    return float(middle), float(low), float(high)
 
 
 def _at_one_force(sensors: Sequence[SensorResult], sensor: SensorInfo) -> Uniformity:
