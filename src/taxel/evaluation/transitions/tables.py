@@ -35,6 +35,7 @@ from taxel.models.transition import (
     FRAMES,
     PUBLISHED_BY_FRAMES,
     TRANSITION_MODELS,
+    TransitionModel,
     find_transition,
 )
 from taxel.training.frames.features import FrameFeatures
@@ -117,34 +118,42 @@ def plan_rows(backbones: Sequence[str]) -> list[RowPlan]:
     Args:
         backbones: Names in `BACKBONES`; the paper's and ours.
     """
-    plans = []
-    for model in TRANSITION_MODELS.values():
-        if model.backbone in backbones:
-            accuracy = model.published.accuracy_percent if model.published else None
-            tables: tuple[int, ...] = (2,) if model.head in ("lstm2", "lstm4") else (1,)
-            if model.name == "densenet121+lstm" or model.published is None:
-                tables = (1, 2, 3)
-            plans.append(
-                RowPlan(tables=tables, model=model.name, frames=FRAMES, published=accuracy)
-            )
+    plans = [
+        RowPlan(
+            tables=_tables_of(model), model=model.name, frames=FRAMES,
+            published=model.published.accuracy_percent if model.published else None,
+        )
+        for model in TRANSITION_MODELS.values() if model.backbone in backbones
+    ]  # fmt: skip
     for backbone in ("densenet121", "efficientnet-lite0"):
-        if backbone not in backbones:
-            continue
-        known = {plan.model for plan in plans}
-        for head in OWN_HEADS:
-            if f"{backbone}+{head}" not in known:
-                tables = (1,) if head == "transformer" else (2,)
-                name = f"{backbone}+{head}"
-                plans.append(RowPlan(tables=tables, model=name, frames=FRAMES, published=None))
-        for frames, accuracy in PUBLISHED_BY_FRAMES.items():
-            if frames != FRAMES:
-                published = accuracy if backbone == "densenet121" else None
-                plans.append(
-                    RowPlan(
-                        tables=(3,), model=f"{backbone}+lstm", frames=frames, published=published
-                    )
-                )
+        if backbone in backbones:
+            known = {plan.model for plan in plans}
+            plans += [plan for plan in _other_heads(backbone) if plan.model not in known]
+            plans += _other_frames(backbone)
     return plans
+
+
+def _tables_of(model: TransitionModel) -> tuple[int, ...]:
+    if model.name == "densenet121+lstm" or model.published is None:
+        return (1, 2, 3)
+    return (2,) if model.head in ("lstm2", "lstm4") else (1,)
+
+
+def _other_heads(backbone: str) -> list[RowPlan]:
+    return [
+        RowPlan(tables=(1,) if head == "transformer" else (2,), model=f"{backbone}+{head}",
+                frames=FRAMES, published=None)
+        for head in OWN_HEADS
+    ]  # fmt: skip
+
+
+def _other_frames(backbone: str) -> list[RowPlan]:
+    """Return the rows of Table 3; what it publishes is of DenseNet121."""
+    return [
+        RowPlan(tables=(3,), model=f"{backbone}+lstm", frames=frames,
+                published=accuracy if backbone == "densenet121" else None)
+        for frames, accuracy in PUBLISHED_BY_FRAMES.items() if frames != FRAMES
+    ]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
