@@ -254,6 +254,9 @@ def normalised_blocks(rgb: NDArray[np.uint8], block_px: int) -> NDArray[np.float
 
     Returns:
         Shape (height // block_px, width // block_px, 3).
+
+    Raises:
+        BadInput: The frame is smaller than a block.
     """
     rows, columns = rgb.shape[0] // block_px, rgb.shape[1] // block_px
     if rows == 0 or columns == 0:

@@ -79,6 +79,10 @@ def warn_on_unseen_cups(
         folds: Which cups are learned from and which are judged.
         name: What to call it in a table.
         on_step: Called with a line before each training.
+
+    Raises:
+        BadDataset: A fold has fewer than two cups to learn from.
+        ValueError: There are no folds.
     """
     judged, tuned, trained = [], [], None
     for fold in folds:

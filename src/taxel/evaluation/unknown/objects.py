@@ -108,7 +108,8 @@ def leave_each_out(
         Class → how well it is found unknown, and class → why that could not be measured.
 
     Raises:
-        BadInput: There are fewer than three classes, or none can be left out.
+        BadDataset: There are fewer than three classes.
+        BadInput: None of them can be left out.
     """
     classes = dataset.classes(config.target)
     if len(classes) < 3:

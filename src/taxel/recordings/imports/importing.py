@@ -92,7 +92,7 @@ def import_table(
         options: How strictly files are read.
         progress: Called with files done and files in all.
         on_file: Called with what was found in each file, or why it was left out;
-            `import_notes.notes_of` says it.
+            `notes.notes_of` says it.
 
     Raises:
         BadTable: A table or any file is not as it should be; then nothing is written.

@@ -147,6 +147,15 @@ def write_run(
     """Simulate a run and write its recording into a folder that is there; return its row.
 
     A recording that a killed worker left there is replaced.
+
+    Args:
+        folder: Where the recording goes.
+        run: The cup and how it is tried.
+        config: Frames a second, length and version of the gel.
+        camera_hz: Images a second of each camera.
+
+    Raises:
+        RecordingFailed: The folder is gone, or the disk refused.
     """
     track, videos = simulate_videos(run, camera_hz, config.frame_hz, config.duration_s, config.gel)
     row = describe_run(run, track)
