@@ -105,6 +105,12 @@ def quartiles(values: Array) -> Interval:
 def repeatability_v(curve: Curve, force_n: Array, volts: Array, rising: NDArray[np.bool_]) -> float:
     """Return the standard deviation of equal presses, volts: about the mean of their force
     and direction; NaN where no press was repeated.
+
+    Args:
+        curve: What the presses should give.
+        force_n: Shape (presses,).
+        volts: Shape (presses,).
+        rising: Shape (presses,): in a rising series or a falling one.
     """
     off = volts - curve.volts(force_n)
     cells = bands_of(force_n) * 2 + rising

@@ -231,6 +231,10 @@ def debounced(flags: NDArray[np.bool_], least: int) -> NDArray[np.bool_]:
 
     Short stretches of True go first, then short gaps between the remaining ones;
     what touches an end of the array as False stays.
+
+    Args:
+        flags: One a frame, shape (n,).
+        least: Frames that a stretch must have.
     """
     kept = flags.copy()
     for start, stop in _runs(flags):

@@ -128,6 +128,14 @@ def probe_once(learning: Learning, test: Learning, seed: int) -> tuple[NDArray[n
     """Fit on some trials; return the others' probabilities and the log-loss of inner folds.
 
     Ranks and directions are those of all that is learned from; labels enter by fold.
+
+    Args:
+        learning: What is learned from.
+        test: What is predicted; its labels are not looked at.
+        seed: Of the inner folds.
+
+    Returns:
+        Probabilities, shape (test trials, classes), and the loss, nats; NaN without inner folds.
     """
     ranked = Ranked.of(learning.rows)
     learned, tested = (ranked.apply(part.rows).astype(np.float64) for part in (learning, test))
@@ -165,7 +173,14 @@ def _fitted(own: Learning, penalty: float, rows: NDArray[np.floating]) -> NDArra
 def less_than(
     ours: ProbeResult, other: ProbeResult, y: NDArray[np.intp], groups: NDArray[np.str_]
 ) -> LessThan:
-    """Return how much better ours is, tested over whole groups."""
+    """Return how much better ours is, tested over whole groups.
+
+    Args:
+        ours: A probe.
+        other: Another of the same trials.
+        y: True class numbers, shape (trials,).
+        groups: What each trial is of, such as its object, shape (trials,).
+    """
     names, index = np.unique(groups, return_inverse=True)
     right = _right(ours, y).astype(float) - _right(other, y)
     loss = _losses(ours, y) - _losses(other, y)

@@ -132,6 +132,9 @@ def transfer_once(
         ranking: As for `transfer`.
         seed: Of inner folds.
 
+    Returns:
+        Shape (test trials, classes).
+
     Raises:
         BadDataset: There is nothing to learn from.
     """
@@ -205,7 +208,14 @@ def _probabilities(
 def score_draws(
     y: NDArray[np.intp], found: Found, groups: NDArray[np.str_], seed: int = 0
 ) -> DrawScores:
-    """Return accuracy and AUC, means over draws, with intervals over groups."""
+    """Return accuracy and AUC, means over draws, with 95 % intervals over groups.
+
+    Args:
+        y: True class numbers, shape (trials,).
+        found: Probabilities, shape (draws, trials, classes).
+        groups: What is drawn again whole, such as objects, shape (trials,).
+        seed: Of the intervals.
+    """
     drawn = draw_rows(groups, seed)
     right = _right(y, found)
     return DrawScores(
@@ -219,7 +229,15 @@ def score_draws(
 def gain(
     y: NDArray[np.intp], ours: Found, other: Found, groups: NDArray[np.str_], seed: int = 0
 ) -> DrawScores:
-    """Return how much higher ours scores than another on the same trials, paired over groups."""
+    """Return how much higher ours scores than another on the same trials, paired over groups.
+
+    Args:
+        y: True class numbers, shape (trials,).
+        ours: Probabilities, shape (draws, trials, classes).
+        other: Of the same trials, shape (draws, trials, classes).
+        groups: What is drawn again whole, such as objects, shape (trials,).
+        seed: Of the intervals.
+    """
     drawn = draw_rows(groups, seed)
     more = _right(y, ours) - _right(y, other)
     return DrawScores(

@@ -318,7 +318,7 @@ def _median(values: NDArray[np.float64]) -> float:
 
 
 def share_of(part: NDArray[np.bool_], whole: NDArray[np.bool_]) -> float:
-    """Return how much of a whole a part of it is, 0…1; NaN of nothing."""
+    """Return the share of a whole's True that a part has, 0…1, shape (n,) each; NaN of none."""
     return float(part.sum() / whole.sum()) if whole.any() else float("nan")
 
 

@@ -271,7 +271,13 @@ def _images(
 def motion_at(
     motion: GelMotion, time_s: NDArray[np.float64], taken_s: NDArray[np.float64]
 ) -> GelMotion:
-    """Return a motion at other moments, by straight lines between those known."""
+    """Return a motion at other moments, by straight lines between those known.
+
+    Args:
+        motion: At the known moments.
+        time_s: Those moments, seconds, shape (known,), rising.
+        taken_s: When images were taken, seconds on the same clock, shape (n,).
+    """
 
     def at(values: NDArray[np.float64]) -> NDArray[np.float64]:
         if values.ndim == 1:
