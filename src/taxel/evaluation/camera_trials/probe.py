@@ -22,8 +22,8 @@ from taxel.evaluation.paired import sign_flip
 from taxel.training.camera_trials.blend import mean_of_crops, proba_of
 from taxel.training.camera_trials.inner_folds import inner_folds
 from taxel.training.camera_trials.learning import Learning
+from taxel.training.camera_trials.member_weights import log_loss
 from taxel.training.camera_trials.ranked import Ranked
-from taxel.training.camera_trials.weights import log_loss
 
 Rows = NDArray[np.float32]
 PENALTIES: Final = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)

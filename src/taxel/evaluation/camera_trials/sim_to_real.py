@@ -27,8 +27,8 @@ from taxel.evaluation.rank_area import area
 from taxel.training.camera_trials.blend import mean_of_crops, proba_of
 from taxel.training.camera_trials.inner_folds import inner_folds
 from taxel.training.camera_trials.learning import Learning
+from taxel.training.camera_trials.member_weights import log_loss
 from taxel.training.camera_trials.ranked import Ranked
-from taxel.training.camera_trials.weights import log_loss
 
 Ranking = Literal["by domain", "together"]
 Share = Literal["rows alike", "halves alike"]
