@@ -38,6 +38,8 @@ _ALONE = frozenset({0x01, *range(0xD0, 0xD9)})
 """Markers without a length: TEM, restarts, a second start of an image."""
 _COMPONENTS = (1, 3)
 """Grey, or luminance and two colours."""
+_INKS = {4: " (CMYK, as for print)"}
+"""What a number of components that is not decoded usually is."""
 _FILL = re.compile(rb"\xff+")
 """What stands before a marker's code: fill bytes may stand there, too."""
 _IN_DATA = frozenset({0x00, *range(0xD0, 0xD8), 0xFF})
@@ -47,6 +49,10 @@ _SPARE_BYTES = 1 << 16
 _MOST_SEGMENTS = 256
 """Segments of one image: cameras send about ten. Source: our choice, docs/decisions/0031."""
 _MEND = "check the camera's cable, or where the recording comes from"
+EIGHT_BITS = (
+    "save it as PNG in 8-bit RGB or grey, as with: magick OLD -colorspace sRGB -depth 8 NEW.png"
+)
+"""How to mend an image file of other colours or bits than are read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,10 +172,12 @@ def _frame(
         )
     components = body[5] if len(body) > 5 else 0
     if len(body) != 6 + 3 * components or components not in _COMPONENTS or body[0] != 8:
+        bits = number_of(body[0] if body else 0, "bit")
         raise BadSource(
-            "a JPEG of 8 bits in 1 or 3 colours",
-            f"{number_of(body[0] if body else 0, 'bit')} in {components}", _MEND,
-        )  # fmt: skip
+            "images of 8 bits in RGB or grey",
+            f"a JPEG of {bits} in {number_of(components, 'channel')}{_INKS.get(components, '')}",
+            EIGHT_BITS if own_file else _MEND,
+        )
     height, width = int.from_bytes(body[1:3], "big"), int.from_bytes(body[3:5], "big")
     if size is not None and (width, height) != size:
         raise BadSource(

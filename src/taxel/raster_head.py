@@ -9,7 +9,7 @@ Source: Microsoft, BITMAPFILEHEADER and BITMAPINFOHEADER; Adobe, TIFF revision 6
 from __future__ import annotations
 
 from taxel.errors import BadSource
-from taxel.jpeg_head import check_size
+from taxel.jpeg_head import EIGHT_BITS, check_size
 from taxel.plain_text import number_of
 
 _BMP = b"BM"
@@ -82,7 +82,7 @@ def _tiff(image: bytes) -> tuple[int, int]:
         )
     if tags.get(_BITS, 1) > _MOST_BITS:
         raise BadSource(
-            f"a TIFF of at most {_MOST_BITS} bits a colour", f"{tags[_BITS]} bits", _MEND
+            f"a TIFF of at most {_MOST_BITS} bits a colour", f"{tags[_BITS]} bits", EIGHT_BITS
         )
     if not {_WIDTH, _HEIGHT} <= tags.keys():
         raise BadSource("a TIFF that says its size", "one that does not", _MEND)

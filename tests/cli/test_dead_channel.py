@@ -1,4 +1,4 @@
-"""A channel that moved in training and is dead now: what `live` and `evaluate` say of it."""
+"""A channel that is dead now, or an array that hangs: what `live` and `evaluate` say of it."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,7 @@ from taxel.bundles.reader import read_bundle
 from taxel.cli.main import main
 
 
-def _set(folder: Path, *, dead: bool) -> Path:
+def _set(folder: Path, *, dead: bool = False, hangs: bool = False) -> Path:
     """Presses of two strengths in each of four sessions, 50 scans a second, 20 s each."""
     folder.mkdir()
     rng = np.random.default_rng(int(dead))
@@ -20,6 +20,8 @@ def _set(folder: Path, *, dead: bool) -> Path:
         values = press + rng.normal(0.0, 0.5, (1000, 3))
         if dead:
             values[:, 1] = 0.25
+        if hangs:
+            values[500:] = values[500]
         np.savetxt(folder / f"t{n}.csv", values, delimiter=",")
         lines.append(f"t{n}.csv,{('2', '10')[n % 2]},s{n // 2},1[N] 2[N] 3[N],rate:50Hz")
     (folder / "table.csv").write_text("\n".join(lines) + "\n")
@@ -30,12 +32,13 @@ def _set(folder: Path, *, dead: bool) -> Path:
 @pytest.fixture(scope="module")
 def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("dead")
-    alive = _set(folder / "alive", dead=False)
+    alive = _set(folder / "alive")
     run, bundle = folder / "run", folder / "press.taxel"
     main(["train", str(alive), "--model", "cnn1d", "--epochs", "1", "--window", "steps=20",
           "gate=none", "--no-check", "--output", str(run)])  # fmt: skip
     main(["bundle", str(run), "--output", str(bundle)])
     _set(folder / "dead", dead=True)
+    _set(folder / "hangs", hangs=True)
     return bundle
 
 
@@ -82,3 +85,22 @@ def test_a_bundle_keeps_how_its_channels_moved(bundle: Path) -> None:
 
     assert motion is not None
     assert motion.still.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_an_array_that_repeats_one_scan_is_unknown_live_and_in_a_score(
+    bundle: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each recording has 50 windows of 20 rows, of which the last 25 hold one scan."""
+    hangs = bundle.parent / "hangs" / "set"
+    capsys.readouterr()
+
+    main(["live", str(bundle), f"replay://{hangs}?speed=max", "--json"])
+    (result,) = json.loads(capsys.readouterr().out)
+    main(["evaluate", str(bundle), str(hangs), "--json"])
+    scored = json.loads(capsys.readouterr().out)
+
+    outage = result["outages"][0]
+    assert outage["reason"] == "all channels repeat one scan: the array has stopped"
+    assert outage["end_s"] is None
+    assert scored["unknown"] >= 0.5
+    assert scored["unknown_because"].get(outage["reason"]) == 8 * 25

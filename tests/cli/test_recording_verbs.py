@@ -2,6 +2,7 @@
 
 import json
 import signal
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,12 @@ from taxel.cli.options.pairs import parse_pairs
 from taxel.cli.recordings.import_ import Import
 from taxel.cli.recordings.info import Info
 from taxel.cli.recordings.record import Record
-from taxel.cli.recordings.recording import ledger_line, record_source, stop_signals
+from taxel.cli.recordings.recording import (
+    TOGETHER_S,
+    ledger_line,
+    record_source,
+    stop_signals,
+)
 from taxel.cli.recordings.recover import Recover
 from taxel.errors import BadInput, BadSource
 from taxel.recordings.manifest import NO_ARRAY
@@ -177,6 +183,28 @@ def test_signals_become_a_question_and_are_given_back(name, capsys):
         assert stopped()
     assert signal.getsignal(number) is before
     assert "stopping" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_signal_that_comes_twice_at_once_is_one_and_a_later_one_kills(name, capsys, monkeypatch):
+    """As from a service manager; what the first one has begun is completed. Never for long."""
+    number, now_s = getattr(signal, name), 5.0
+    set_to = []
+    with stop_signals(clock=lambda: now_s) as stopped, monkeypatch.context() as patched:
+        handlers = [signal.getsignal(own) for own in (number, number, signal.SIGTERM)]
+        patched.setattr(signal, "signal", lambda *words: set_to.append(words))
+        patched.setattr(signal, "raise_signal", sys.exit)
+        for handler in handlers:
+            handler(number, None)
+            now_s += 0.05
+        assert stopped()
+        assert set_to == []
+        now_s = 5.0 + TOGETHER_S
+        with pytest.raises(SystemExit) as ended:
+            handlers[0](number, None)
+    assert ended.value.code == number
+    assert set_to == [(number, signal.SIG_DFL)]
+    assert capsys.readouterr().err.count("stopping") == 1
 
 
 def test_pairs_are_names_and_values():

@@ -12,6 +12,7 @@ from taxel.decisions.still_channels import (
     StillChannel,
     StillWatch,
     changed_words,
+    longest_alike,
     looked_at,
     motion_from_json,
     motion_to_json,
@@ -226,3 +227,37 @@ def test_a_range_far_below_the_usual_one_is_no_change() -> None:
 def test_a_channel_that_never_changed_in_training_does_not_make_a_window_move() -> None:
     rest = replace(motion(), usual=np.array([1.0, 0.0]))
     assert watched([window(n, (0.0, 0.0)) for n in range(50)], rest) == []
+
+
+def test_rows_that_are_all_alike_are_frozen_if_they_are_three_times_as_many_as_ever() -> None:
+    alike = np.ones((6, 2), np.float32)
+    moved = alike.copy()
+    moved[3, 1] += 0.1
+
+    assert replace(motion(), longest=2).frozen(alike)
+    assert not replace(motion(), longest=2).frozen(moved)
+    assert not replace(motion(), longest=2).frozen(alike[:5])
+    assert not replace(motion(), longest=3).frozen(alike)
+    assert not motion().frozen(alike)
+
+
+def test_the_longest_run_of_rows_alike_is_counted_within_windows_and_without_padding() -> None:
+    values = np.arange(400, dtype=np.float32).reshape(2, 100, 2)
+    values[0, 10:14] = values[0, 10]
+    values[1, 20:30, 0] = 0.0
+    values[1, 40:] = 0.0
+    mask = np.ones((2, 100), bool)
+    mask[1, 41:] = False
+
+    assert longest_alike(values, mask, np.ones(2)) == 4
+    assert longest_alike(values[:1, :99], mask[:1, :99], np.ones(2)) is None
+
+
+def test_a_bundle_of_before_does_not_say_how_long_rows_were_alike() -> None:
+    old = motion_to_json(motion())
+    new = motion_to_json(replace(motion(), longest=3))
+
+    assert motion_from_json(Fields(old, "motion"), 2).longest is None
+    assert motion_from_json(Fields(new, "motion"), 2).longest == 3
+    with pytest.raises(ValueError, match="longest"):
+        motion_from_json(Fields(new | {"longest": 0}, "motion"), 2)

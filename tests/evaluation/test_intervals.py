@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from taxel.evaluation.intervals import (
+    NO_INTERVAL,
     RESAMPLES,
+    all_alike,
     draw_clusters,
     draw_rows,
     percentile_interval,
@@ -46,3 +48,13 @@ def test_the_interval_of_an_accuracy_is_as_wide_as_its_sessions_differ():
 
     assert (low, high) == (0.5, 1.0)
     assert ratio_interval(np.array([7, 7]), np.array([10, 10])) == (0.7, 0.7)
+
+
+def test_clusters_that_are_all_alike_are_known_by_an_interval_without_width():
+    """Sums of thirds differ in their last bits; one cluster alone has no interval to be of."""
+    thirds = ratio_interval(np.array([0.1, 0.2, 0.3]), np.array([0.3, 0.6, 0.9]))
+
+    assert all_alike(thirds)
+    assert all_alike(ratio_interval(np.array([10, 20]), np.array([10, 20])))
+    assert not all_alike(ratio_interval(np.array([10, 19]), np.array([10, 20])))
+    assert not all_alike(NO_INTERVAL)

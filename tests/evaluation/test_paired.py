@@ -221,7 +221,7 @@ def test_runs_with_other_folds_are_refused():
     assert run.predictions is not None
     moved = replace(run.predictions, fold=1 - run.predictions.fold)
 
-    with pytest.raises(BadInput, match="same folds"):
+    with pytest.raises(BadInput, match=r"same folds.*--fold-count, or with one table of --folds"):
         compare_runs(run, replace(run, predictions=moved))
 
 

@@ -46,6 +46,11 @@ def test_three_axes_that_end_in_three_colours_are_a_single_image(tmp_path: Path)
     ("array", "got"),
     [
         (FRAMES / 255.0, r"7 × 30 × 44 × 3 float64"),
+        (FRAMES * np.uint16(257), r"7 × 30 × 44 × 3 uint16.*of 16 bits divided by 257"),
+        (
+            np.dstack((FRAMES[0], FRAMES[0, ..., :1]))[None],
+            r"44 × 4 uint8.*without a fourth channel",
+        ),
         (FRAMES.transpose(0, 3, 1, 2), r"7 × 3 × 30 × 44 uint8"),
         (FRAMES[:0], r"0 × 30 × 44 × 3 uint8"),
         (FRAMES[0, 0, :, 0], r"44 uint8"),

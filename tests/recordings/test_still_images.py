@@ -60,7 +60,10 @@ def tiff(tags: list[tuple[int, int, int]], order: str = "little", more: int = 0)
     ("image", "message"),
     [
         (tiff([(256, 3, 44), (257, 3, 30)], more=400), "one of several; save each"),
-        (tiff([(256, 3, 44), (257, 3, 30), (258, 3, 32)]), "at most 16 bits a colour; got 32"),
+        (
+            tiff([(256, 3, 44), (257, 3, 30), (258, 3, 32)]),
+            "16 bits a colour; got 32 bits; .*8-bit RGB",
+        ),
         (tiff([(256, 3, 44)]), "says its size"),
         (tiff([(256, 4, 90_000), (257, 4, 90_000)]), "90000"),
         (tiff([(256, 3, 44)])[:15], "a whole TIFF"),
@@ -80,6 +83,31 @@ def test_a_damaged_image_is_one_plain_line_and_no_video(tmp_path: Path, ending: 
     with pytest.raises(BadTable, match=f"a{ending}") as error:
         list(open_footage(tmp_path / f"a{ending}").frames())
     assert "video" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("bits", "channels", "got"),
+    [(8, 4, "8 bits in 4 channels (CMYK"), (12, 1, "12 bits in 1 channel")],
+)
+def test_a_jpeg_of_other_colours_or_bits_is_refused_with_how_to_save_it(
+    tmp_path: Path, bits: int, channels: int, got: str
+) -> None:
+    """As programs for print write them: OpenCV would guess their colours."""
+    jpeg = coded(".jpg", IMAGE[..., 0])
+    at = jpeg.index(b"\xff\xc0")
+    parts = b"".join(bytes((part, 17, 0)) for part in range(1, channels + 1))
+    head = bytes((bits,)) + jpeg[at + 5 : at + 9] + bytes((channels,)) + parts
+    length = (len(head) + 2).to_bytes(2, "big")
+    for name in ("1.jpg", "2.jpg"):
+        (tmp_path / name).write_bytes(jpeg[: at + 2] + length + head + jpeg[at + 13 :])
+
+    with pytest.raises(BadTable) as error:
+        open_footage(tmp_path)
+
+    assert error.value.needed == "images of 8 bits in RGB or grey, as PNG, JPEG, BMP or TIFF"
+    assert error.value.got.startswith(f"{tmp_path / '1.jpg'}: a JPEG of {got}")
+    assert "8-bit RGB or grey" in error.value.mend
+    assert "-colorspace sRGB" in error.value.mend
 
 
 def test_folders_tell_files_of_one_name_apart() -> None:

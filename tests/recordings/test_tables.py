@@ -229,8 +229,13 @@ def test_a_grid_names_the_columns_of_a_file_in_order(tmp_path, header):
 
 
 @pytest.mark.parametrize(
-    "header", ["r1c1,r2c1,r1c2,r2c2", "s_r1c1,a,b,c", "s:2x2,a,b,c", "q_r1c2,q_r1c1,q_r2c1,q_r2c2"]
-)
+    "header",
+    [
+        "r1c1,r2c1,r1c2,r2c2", "s_r1c1,a,b,c", "s:2x2,a,b,c", "q_r1c2,q_r1c1,q_r2c1,q_r2c2",
+        "r1c1_x,r2c1_x,r1c2_x,r2c2_x", "r1c1_x,r1c1_y,r1c2_x,r1c2_y",
+        "skinr1c1,skinr2c1,skinr1c2,skinr2c2",
+    ],
+)  # fmt: skip
 def test_a_grid_refuses_columns_that_lie_otherwise(tmp_path, header):
     """By columns, or named so in part: they would get wrong places without a word."""
     (tmp_path / "a.csv").write_text(f"{header}\n1,2,3,4\n2,3,4,5\n")

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from taxel.cli.recordings.import_ import Import
 from taxel.errors import BadTable
 from taxel.frame_codec import decode_jpeg
 from taxel.recordings.imports.footage import Video, open_footage
@@ -174,6 +175,33 @@ def test_equal_frames_stay_equal(tmp_path: Path) -> None:
 
 
 @pytest.mark.real
+@pytest.mark.parametrize("way", ["one file", "a copy", "others"])
+def test_two_cameras_of_the_same_images_are_warned_of(
+    tmp_path: Path, pair: dict[str, Path], way: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As where one file is named for both; one trial of two is enough."""
+    (tmp_path / "copy.avi").write_bytes(pair["left"].read_bytes())
+    made = cv2.VideoWriter(
+        str(tmp_path / "other.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (64, 48)
+    )
+    for number in range(20):
+        made.write(np.full((48, 64, 3), (20, 90 + number // 19, 160), np.uint8))
+    made.release()
+    second = {"one file": "left.avi", "a copy": "copy.avi", "others": "other.avi"}[way]
+    table = tmp_path / "table.csv"
+    rows = f"left.avi,{second},slip\nleft.avi,other.avi,hold\n"
+    table.write_text(f"left,right,label:outcome\n{rows}")
+
+    Import(table=str(table), output=tmp_path / "out").run()
+
+    lines = [line for line in capsys.readouterr().out.splitlines() if "same images" in line]
+    warning = (
+        "warning: the cameras left and right show the same images in 1 of 2 trials; give each "
+        "the files of its own"
+    )
+    assert lines == ([] if way == "others" else [warning])
+
+
 def test_the_public_slip_set_is_understood() -> None:
     """29 objects, 150 trials, 65 slips, as the data set's page says."""
     folder = Path(__file__).parents[3] / "shared" / "data" / "gelsight-slip"

@@ -65,6 +65,20 @@ def test_unknown_and_missing_fields_are_one_plain_line(
     assert "\n" not in str(found.value)
 
 
+@pytest.mark.parametrize(("name", "kind"), [("cup.taxel", "a bundle"), ("run.json", "a file")])
+def test_a_file_in_a_run_s_place_is_refused_with_where_runs_are(
+    tmp_path: Path, name: str, kind: str
+) -> None:
+    """A bundle has no predictions to compare: the message says which folder has them."""
+    (tmp_path / name).write_bytes(b"{}")
+    with pytest.raises(BadInput) as found:
+        load_run(tmp_path / name)
+
+    assert found.value.needed == "a run's folder"
+    assert found.value.got == f"{tmp_path / name}, {kind}"
+    assert "runs/DATA-TARGET" in found.value.mend
+
+
 @pytest.mark.parametrize("broken", [OSError(5, "Input/output error"), KeyboardInterrupt()])
 def test_a_run_that_takes_an_older_one_s_place_loses_neither_where_that_breaks_off(
     folder: Path, monkeypatch: pytest.MonkeyPatch, broken: BaseException

@@ -13,6 +13,7 @@ def test_cells_and_captions_are_escaped_and_html_is_kept():
     assert text(Html("<p>")) == "<p>"
     assert percent(float("nan")) == percent(None) == "–"
     assert band(float("nan"), float("nan")) == ""
+    assert band(1.0, 1.0) == "[all alike]"
 
 
 def test_a_chart_places_points_where_its_axes_say():

@@ -9,6 +9,7 @@ import numpy as np
 from rich.console import Console
 
 from taxel.evaluation.baselines import TRIVIAL
+from taxel.evaluation.crossval import Pooled
 from taxel.evaluation.nested import Nested, TrialScores
 from taxel.evaluation.run_scores import GroupInterval
 from taxel.labels.trials import Trial
@@ -16,7 +17,7 @@ from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice, Standing
 from taxel.training.predictions import Predictions
 from taxel.views.tables.expert import leaderboard, nested_table
-from taxel.views.tables.results import confusion_table
+from taxel.views.tables.results import bracketed, confusion_table, few, with_interval
 
 ONE_SESSION = "only one session was tested: the interval says nothing about other sessions"
 
@@ -102,11 +103,13 @@ def judged(confidence: float, windows_a_trial: int = 1, shared: bool = False) ->
     )  # fmt: skip
 
 
-def shown(predictions: Predictions, folds: int = 2) -> str:
+def shown(
+    predictions: Predictions, folds: int = 2, interval: tuple[float, float, int] = (0.3, 0.5, 2)
+) -> str:
     """Return the lines of a nested score."""
     scored = SimpleNamespace(
         scores=SimpleNamespace(accuracy=0.4, loss=0.7), calibration_error=0.1, group="session",
-        intervals={"session": GroupInterval(0.3, 0.5, 2)}, lone=None,
+        intervals={"session": GroupInterval(*interval)}, lone=None,
     )  # fmt: skip
     nested = SimpleNamespace(
         scores=scored, by_trial=TrialScores(accuracy=0.4, loss=0.7, trials=4), fixed=False,
@@ -134,6 +137,35 @@ def test_baselines_that_have_nothing_to_go_by_are_not_in_the_table():
     text = shown(judged(0.8, windows_a_trial=3, shared=True))
     assert "nothing to go by" not in text
     assert all(name in text for name in TRIVIAL)
+
+
+def test_an_interval_without_width_is_no_certainty():
+    """Four sessions of one accuracy, or one session: neither shows how far others may differ."""
+    assert "95 % CI over 4 sessions: 0.3000 … 0.5000" in shown(judged(0.8), interval=(0.3, 0.5, 4))
+    alike = shown(judged(0.8), interval=(1.0, 1.0, 4))
+    assert "no 95 % CI: 4 sessions, all alike; others may differ" in alike
+    alone = shown(judged(0.8), interval=(float("nan"), float("nan"), 1))
+    assert "no 95 % CI: 1 session only" in alone
+    assert "nan" not in alone
+    assert "1.0000 … 1.0000" not in alike
+
+
+def test_tables_print_all_alike_in_an_interval_s_place_and_what_that_means():
+    assert bracketed("1.0000", (1.0, 1.0), ".3f") == "1.0000 [all alike]"
+    assert bracketed("0.9000", (0.8, 1.0), ".3f") == "0.9000 [0.800, 1.000]"
+    own, bar = (
+        cast(Pooled, SimpleNamespace(
+            scores=SimpleNamespace(accuracy=high), interval=(low, high), interval_group="session",
+            interval_groups=4, lone=None,
+        ))
+        for low, high in ((0.7, 0.9), (1.0, 1.0))
+    )  # fmt: skip
+    meaning = "all alike: no interval, as each session gave the same; others may differ"
+    assert with_interval(bar) == "1.0000 [all alike]"
+    narrow = "4 sessions: the interval is about their lowest and highest; record more"
+    assert [str(line) for line in few(own, bar)] == [meaning, narrow]
+    assert [str(line) for line in few(own)] == [narrow]
+    assert [str(line) for line in few(bar)] == [meaning]
 
 
 def test_one_outer_fold_is_no_folds():

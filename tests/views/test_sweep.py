@@ -58,7 +58,7 @@ def test_the_table_says_how_many_draws_are_pooled_and_where_little_is_answered()
 
 
 def test_no_figure_is_cut_off_where_the_terminal_is_narrow():
-    wide = replace(NOISE[0], fault="channel-drift", unit="% of full scale", accuracy=1.0, low=1.0,
+    wide = replace(NOISE[0], fault="channel-drift", unit="% of full scale", accuracy=1.0, low=0.9,
                    high=1.0, level=50_000.5, draws=4, windows=166_012)  # fmt: skip
     for width in (110, 80):
         text = printed([BASE, wide], width=width)

@@ -1,5 +1,6 @@
 """Claims about data sets: a window lies in one trial or in none; what is left out is said."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,8 +11,10 @@ from taxel.errors import BadDataset, BadRecording
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo, Validity
+from taxel.windows.checks import nothing_usable
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import load_dataset, recut
+from taxel.windows.stretches import whole_stretches
 
 INFO = SensorInfo(name="t", channels=("n", "x"), units=("V", "V"), rate_hz=100.0)
 CONFIG = WindowConfig(steps=10, stride=10)
@@ -144,6 +147,69 @@ def test_nothing_usable_at_all_is_refused(tmp_path: Path):
     record(tmp_path, "a", [grasp(0, 199, "sphere")], samples)
     with pytest.raises(BadDataset, match="usable values"):
         load_dataset(tmp_path, CONFIG)
+
+
+def with_losses(trial: int, every: int, lost: int, name: str, folder: Path) -> None:
+    """Record a trial of so many scans in which the last `lost` of each `every` are missing."""
+    samples = scans(trial)
+    samples.validity[np.arange(trial) % every >= every - lost] = Validity.MISSING
+    record(folder, name, [], samples, labels={"shape": name})
+
+
+def test_where_a_gap_is_in_every_window_the_length_that_would_do_is_advised(tmp_path: Path):
+    """Seven whole rows between gaps hold a window of four, wherever the first began."""
+    with_losses(200, 10, 3, "cone", tmp_path)
+    with_losses(200, 20, 3, "sphere", tmp_path)
+    with_losses(200, 10, 3, "cube", tmp_path)
+
+    with pytest.raises(BadDataset) as error:
+        load_dataset(tmp_path, replace(CONFIG, steps=40, stride=40))
+
+    assert "each window of 40 rows holds missing" in error.value.got
+    assert "7 rows in a row that are whole, enough for --window steps=4" in error.value.mend
+    advised = load_dataset(tmp_path, replace(CONFIG, steps=4, stride=4))
+    assert len(advised.trials) == 3
+
+
+@pytest.mark.parametrize(
+    ("config", "stretches", "mend"),
+    [
+        (CONFIG, [3, 3, 9], ": taxel info, or choose .* have 3 rows .* --window steps=2$"),
+        (CONFIG, [3, 9], "have 9 rows .* --window steps=5$"),
+        (CONFIG, [8, 8], "steps=4$"),
+        (CONFIG, [40, 40], "steps=9$"),
+        (CONFIG, [2, 2], "at most 2 rows in a row that are whole, too few for shorter windows$"),
+        (CONFIG, [], "taxel info$"),
+        (replace(CONFIG, steps=2), [9], "taxel info$"),
+        (replace(CONFIG, steps=3), [9], "steps=2$"),
+        (replace(CONFIG, layout="A", gate=1.0), [9], "taxel info$"),
+    ],
+)
+def test_the_length_advised_is_for_half_of_the_trials_and_shorter_than_what_was_tried(
+    config: WindowConfig, stretches: list[int], mend: str
+):
+    assert re.search(mend, nothing_usable(4, 3, config, stretches).mend)
+    assert nothing_usable(4, 4, config, stretches).mend.endswith("--window grid=own")
+
+
+def test_where_no_shorter_window_would_do_that_is_the_advice(tmp_path: Path):
+    for name in ("cone", "sphere"):
+        with_losses(200, 4, 2, name, tmp_path)
+    with pytest.raises(BadDataset, match="at most 2 rows in a row that are whole, too few"):
+        load_dataset(tmp_path, CONFIG)
+
+
+def test_a_pause_or_a_trial_s_border_ends_a_stretch_of_whole_rows(tmp_path: Path):
+    samples = scans(100)
+    samples.validity[70] = Validity.MISSING
+    kept = np.arange(100) < 90
+    kept[20:35] = False
+    record(tmp_path, "a", [grasp(0, 49, "sphere"), grasp(50, 99, "cone")], samples[kept])
+    trials = load_dataset(tmp_path, replace(CONFIG, steps=2, stride=2, max_gap_s=0.1)).trials
+
+    assert whole_stretches([tmp_path / "a.mcap"], CONFIG, trials) == [35, 20]
+    short = replace(CONFIG, max_gap_s=0.1, wavelet="db2")  # which no single row is long enough for
+    assert whole_stretches([tmp_path / "a.mcap"], short, trials) == [20, 20]
 
 
 def test_a_short_trial_is_padded_where_asked_and_said(tmp_path: Path):

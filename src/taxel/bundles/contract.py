@@ -83,9 +83,17 @@ class Contract:
     motion: Motion | None = None
     """How much each channel changed within training windows, so that one that has stopped is
     reported; None where that is not known, as in older bundles: none is reported."""
+    usual: tuple[float, ...] | None = None
+    """Mean square of each channel that levels are followed from (`windows/level_follow.py`), in the
+    channels' units squared; None where they are not followed."""
     trial_windows: int = 0
     """Windows of a usual training trial (their median); 0 where that is not known, as in bundles of
     before."""
+
+    @property
+    def usual_level(self) -> NDArray[np.float64] | None:
+        """Return `usual` as an array, shape (channels,); None where levels are not followed."""
+        return None if self.usual is None else np.array(self.usual)
 
     @property
     def most_windows(self) -> int | None:
@@ -244,6 +252,7 @@ def _contract(data: Any) -> Contract:
     entries.only({field.name for field in fields(Contract)} | {"format"})
     classes, channels = entries.texts("classes"), entries.texts("channels")
     units, n = entries.texts("units"), len(channels)
+    window = record_of(WindowConfig, _window(entries.any("window")))
     if not classes or len(set(classes)) < len(classes):
         raise ValueError("the classes are none, or one comes twice")
     if not channels or len(set(channels)) < n or len(units) != n:
@@ -254,7 +263,7 @@ def _contract(data: Any) -> Contract:
     return Contract(
         target=entries.text("target"),
         classes=classes,
-        window=record_of(WindowConfig, _window(entries.any("window"))),
+        window=window,
         scaling=_scaling(entries.fields("scaling"), n),
         channels=channels,
         units=units,
@@ -270,8 +279,21 @@ def _contract(data: Any) -> Contract:
         learned=entries.texts("learned") if entries.any("learned") != () else (),
         joining=_joining(entries.any("joining")),
         motion=motion_from_json(entries.fields("motion"), n) if "motion" in entries else None,
+        usual=_usual(entries, n, window),
         trial_windows=entries.count("trial_windows", 0, 2**31),
     )
+
+
+def _usual(entries: Fields, channels: int, window: WindowConfig) -> tuple[float, ...] | None:
+    """Return the level that levels are followed from; there is one where the window says so."""
+    if (window.level_follow is not None) != ("usual" in entries):
+        raise ValueError("levels that follow without a usual level, or the reverse")
+    if window.level_follow is None:
+        return None
+    found = entries.array("usual", (channels,))
+    if (found < 0).any():
+        raise ValueError("a usual mean square below 0")
+    return tuple(found.tolist())
 
 
 def _joining(data: Any) -> Joining:

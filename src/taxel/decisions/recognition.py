@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.decisions.joining import MEAN, Joining
+from taxel.decisions.still_channels import Motion
 from taxel.decisions.unknown import NoveltyTest
 from taxel.labels.class_order import RESERVED
 from taxel.windows.windower import Windows
@@ -59,7 +60,7 @@ class Decision:
     """Share of the window's values that were missing, stale or NaN and were filled in, 0…1."""
     usable: bool = True
     """False where nothing was measured by which to answer: values are missing, a channel stands at
-    the converter's limit, or the model gave NaN."""
+    the converter's limit, all channels repeat one scan, or the model gave NaN."""
     empty: bool = False
     """True where none of its values may be used."""
 
@@ -76,13 +77,23 @@ class Quality:
     """Times of its first and last row, seconds."""
     filled: float = 0.0
     """Share of its values that were filled in, 0…1; they count as usable."""
+    frozen: bool = False
+    """True where all channels repeat one scan, for longer than touch ever did in training."""
 
     @staticmethod
-    def of(windows: Windows, index: int) -> Quality:
-        """Return that of one of several windows."""
+    def of(windows: Windows, index: int, motion: Motion | None = None) -> Quality:
+        """Return that of one of several windows.
+
+        Args:
+            windows: Shape (n, steps, channels).
+            index: Of the window, from 0.
+            motion: How channels changed in training; None where that is not known.
+        """
         span_s = float(windows.start_s[index]), float(windows.end_s[index])
         usable, saturated = float(windows.usable[index]), float(windows.saturated[index])
-        return Quality(usable, saturated, span_s, float(windows.filled[index]))
+        rows, measured = windows.values[index], windows.mask[index]
+        frozen = motion is not None and motion.frozen(rows if measured[-1] else rows[measured])
+        return Quality(usable, saturated, span_s, float(windows.filled[index]), frozen)
 
 
 def decide(
@@ -106,7 +117,7 @@ def decide(
     """
     best = int(probabilities.argmax())
     confidence = float(probabilities[best])
-    reason = _fault(probabilities, quality.usable + quality.filled, quality.saturated, config)
+    reason = _fault(probabilities, quality, config)
     usable = not reason
     if reason or test is None:
         novelty = None
@@ -129,18 +140,16 @@ def unlike(p: float) -> str:
     return f"novel touch (p = {p:.2g})"
 
 
-def _fault(
-    probabilities: NDArray[np.float32],
-    usable: float,
-    saturated: float,
-    config: RecogniseConfig,
-) -> str:
+def _fault(probabilities: NDArray[np.float32], quality: Quality, config: RecogniseConfig) -> str:
+    usable = quality.usable + quality.filled
     if not isfinite(float(probabilities.sum())):  # NaN and infinity survive a sum
         return "the model gave NaN"
     if usable < config.least_usable:
         return f"{1 - usable:.0%} of the values are missing, stale or NaN"
-    if saturated > config.most_saturated:
+    if quality.saturated > config.most_saturated:
         return "a channel stands at the converter's limit"
+    if quality.frozen:
+        return "all channels repeat one scan: the array has stopped"
     return ""
 
 

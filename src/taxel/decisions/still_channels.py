@@ -3,7 +3,8 @@
 A broken wire gives one value for ever: the windows stay complete, and the model answers as if all
 were well. Training keeps how often each channel did not change within a window; live, a run of
 such windows that would be rare among the windows of training is reported, once. It changes no
-decision. Knows nothing about models, sources or screens.
+decision. An array that hangs gives one scan for ever: a window of it is UNKNOWN, if training shows
+that scans hardly ever repeat. Knows nothing about models, sources or screens.
 
 Background of our choices: docs/decisions/0010.
 """
@@ -31,6 +32,11 @@ Source: our choice, docs/decisions/0010."""
 NO_CHANGE = 1e-5
 """A range below this share of the channel's usual range is no change: a wavelet leaves rounding
 errors. Source: our choice, docs/decisions/0010."""
+FROZEN = 3
+"""A window is frozen if its rows are all alike and so many times as many as were in training.
+Source: our choice, docs/decisions/0010."""
+FEWEST_ROWS = 100
+"""Of fewer rows nobody can say how long they may be alike. Source: our choice, 0010."""
 _NEVER = np.iinfo(np.int64).max
 
 
@@ -55,6 +61,9 @@ class Motion:
     again: NDArray[np.float64]
     """Shape (channels,): share of windows without change after one without, within a trial, of the
     class with the largest, counted likewise; at least `worst`."""
+    longest: int | None = None
+    """How many successive rows of a window were alike in all channels at most, 1 where none was
+    like the one before; None where that is not known, as in older bundles."""
 
     def at_level(self, old: NDArray[np.float32], new: NDArray[np.float32]) -> Motion:
         """Return the figures for reference touches of another level, shape (channels,)."""
@@ -79,6 +88,23 @@ class Motion:
             ranges: Of each channel within each window, as `ranges_of` gives them.
         """
         return np.asarray(ranges <= self.usual * NO_CHANGE)
+
+    def knows_frozen(self, rows: int) -> bool:
+        """Return whether so many rows that are alike are more than touch ever gave in training."""
+        return self.longest is not None and rows >= FROZEN * self.longest
+
+    def frozen(self, rows: NDArray[np.floating]) -> bool:
+        """Return whether a window's rows are all alike, and too many for that to be touch.
+
+        Args:
+            rows: Its measured rows, shape (n, channels), in the channels' units.
+        """
+        if not self.knows_frozen(len(rows)):
+            return False
+        least = self.usual * NO_CHANGE
+        if (np.abs(rows[-1] - rows[0]) > least).any():  # the usual case, kept short
+            return False
+        return bool((rows.max(axis=0) - rows.min(axis=0) <= least).all())
 
     def moving(self, ranges: NDArray[np.floating]) -> NDArray[np.bool_]:
         """Return which windows move enough to count, shape (n,); `ranges` as above."""
@@ -201,6 +227,29 @@ def ranges_of(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[n
     return np.asarray(values.max(axis=1) - values.min(axis=1))
 
 
+def longest_alike(
+    values: NDArray[np.float32], mask: NDArray[np.bool_], usual: NDArray[np.float64]
+) -> int | None:
+    """Return how many successive rows of a window are alike in all channels at most.
+
+    Args:
+        values: Shape (n, steps, channels).
+        mask: Shape (n, steps): padding, which is left out, stands behind measured rows.
+        usual: Shape (channels,): as in `Motion`.
+
+    Returns:
+        1 or more; None of fewer than `FEWEST_ROWS` measured rows.
+    """
+    if mask.sum() < FEWEST_ROWS:
+        return None
+    longest = run = np.zeros(len(values), np.int64)
+    for step in range(1, values.shape[1]):
+        same = np.abs(values[:, step] - values[:, step - 1]) <= usual * NO_CHANGE
+        run = np.where(same.all(axis=1) & mask[:, step], run + 1, 0)
+        longest = np.maximum(longest, run)
+    return 1 + int(longest.max())
+
+
 def looked_at(windows: Windows, trial: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return the windows of two rows or more that overlap no other of their trial, by time.
 
@@ -227,7 +276,8 @@ def changed_words(changed: float) -> str:
 def motion_to_json(motion: Motion) -> dict[str, Any]:
     """Return the figures as JSON holds them."""
     arrays = {name: getattr(motion, name).tolist() for name in ("usual", "still", "worst", "again")}
-    return {"windows": motion.windows, "least": motion.least, **arrays}
+    longest = {} if motion.longest is None else {"longest": motion.longest}
+    return {"windows": motion.windows, "least": motion.least, **arrays, **longest}
 
 
 def motion_from_json(given: Fields, channels: int) -> Motion:
@@ -240,7 +290,8 @@ def motion_from_json(given: Fields, channels: int) -> Motion:
     Raises:
         ValueError: A field is missing, unknown, or of another kind, length or range.
     """
-    given.only({"windows", "least", "usual", "still", "worst", "again"})
+    known = {"windows", "least", "usual", "still", "worst", "again"}
+    given.only(known | {"longest"} if "longest" in given else known)
     usual, still, worst, again = (
         given.array(name, (channels,)) for name in ("usual", "still", "worst", "again")
     )
@@ -256,4 +307,5 @@ def motion_from_json(given: Fields, channels: int) -> Motion:
         still=still,
         worst=worst,
         again=again,
+        longest=given.count("longest", 1, 2**53) if "longest" in given else None,
     )

@@ -109,7 +109,7 @@ def score_bundle(bundle: Bundle, folder: Path, folds: Path | None = None) -> Bun
     contract = bundle.contract
     table = None if folds is None else read_fold_table(folds, to_score=True)
     window = replace(contract.window, reference=None)
-    dataset = load_dataset(folder, window, unusable=True)
+    dataset = load_dataset(folder, window, unusable=True, usual=contract.usual_level)
     contract.check_sensor(dataset.sensor)
     if table is not None:
         dataset = _test_part(dataset, table, folder, contract.learned)
@@ -156,8 +156,8 @@ def _decisions(bundle: Bundle, windows: Windows, config: RecogniseConfig) -> lis
                 novelty = bundle.novelty_test.of_window(scaled[i][part.mask[i]])
             found.append(
                 decide(
-                    probabilities[i], Quality.of(part, i), bundle.contract.classes,
-                    config, novelty, bundle.novelty_test,
+                    probabilities[i], Quality.of(part, i, bundle.contract.motion),
+                    bundle.contract.classes, config, novelty, bundle.novelty_test,
                 )
             )  # fmt: skip
     return found

@@ -198,7 +198,7 @@ def read_and_part(task: Task, like: Choice | None = None) -> tuple[Base, Split]:
     base = load_base(task.data, task.target, channels, task.test)
     folds = task.split.of(base)
     if like is None and (task.check or task.split.leaves_unseen):
-        check_training_parts(base, folds)
+        check_training_parts(base, folds, task.split)
     return base, folds
 
 

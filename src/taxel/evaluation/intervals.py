@@ -18,6 +18,10 @@ RESAMPLES = 2000
 """Draws, unless a study says how many. Source: our choice."""
 Interval = tuple[float, float]
 """Lower and upper bound; NaN where there is none."""
+ALIKE = "all alike"
+"""What a reader finds in the place of an interval without width."""
+_ROUNDING = 1e-9
+"""Width that sums in another order have, as a share."""
 NO_INTERVAL: Interval = (float("nan"), float("nan"))
 
 
@@ -55,6 +59,16 @@ def percentile_interval(values: NDArray[np.float64] | Sequence[float]) -> Interv
         return NO_INTERVAL
     low, high = np.percentile(known, [2.5, 97.5])
     return float(low), float(high)
+
+
+def all_alike(interval: Interval) -> bool:
+    """Return whether every draw gave the same number: no width, which is no certainty.
+
+    All clusters are alike then, as where each session is wholly correct, and nothing shows how far
+    another one may differ.
+    """
+    low, high = interval
+    return high - low <= _ROUNDING * max(1.0, abs(high))
 
 
 def ratio_interval(

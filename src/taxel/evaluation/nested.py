@@ -88,7 +88,7 @@ class _Tested:
 
     def trivial_right(self, base: Base, train: Sequence[int]) -> dict[str, int]:
         """Return how many of these windows each trivial baseline names rightly."""
-        own = self.prepared
+        own = self.prepared.plain
         learned = np.flatnonzero(np.isin(own.trial, np.asarray(train, np.intp)) & own.scored)
         return trivial_right(own.dataset, base.y[own.trial], [(learned, self.index)])
 
@@ -152,7 +152,8 @@ def check_choosing(
         for name in bars:
             if choice.window.steps >= FEWEST_ROWS.get(name, 1):
                 say(name)
-                beside[name].append(_bar(name, base, prepared_windows, train, index, effort.seed))
+                plain = prepared_windows.plain
+                beside[name].append(_bar(name, base, plain, train, index, effort.seed))
         spent = effort.budget.clock() - started
         effort.budget.add(spent)
         bars_s += spent

@@ -69,8 +69,13 @@ def _with_validation(fold: Fold) -> Fold:
     return TrialFold(fold.name, fold.train | fold.validation, fold.test)
 
 
-def check_training_parts(base: Base, split: Split) -> None:
+def check_training_parts(base: Base, split: Split, given: OuterSplit = USUAL) -> None:
     """Refuse a split that leaves too few trials of a class to learn from and to choose on.
+
+    Args:
+        base: The recordings.
+        split: Its folds.
+        given: How they were made, which decides what would help.
 
     Raises:
         BadSplit: In the training part of a fold fewer than two classes have two trials.
@@ -84,9 +89,20 @@ def check_training_parts(base: Base, split: Split) -> None:
                 "at least two trials of two classes in each training part, to learn from and to "
                 "choose on",
                 f"{_of_each(counts)} in the training part {fold.name!r} ({split.name})",
-                "record more of each class, hold out another group, or hold out fewer at a time "
-                "with a larger --fold-count",
+                _to_train_on_more(base, given),
             )  # fmt: skip
+
+
+def _to_train_on_more(base: Base, given: OuterSplit) -> str:
+    """Return how training parts get more trials."""
+    if given.given.table is not None:
+        return f"record more of each class, or train on more of them in {given.given.table.name}"
+    if base.test is not None:
+        return "record more of each class to train on"
+    if (given.named or "").startswith("order:"):
+        return "record more of each class, or name another split"
+    return ("record more of each class, hold out another group, or hold out fewer at a time with "
+            "a larger --fold-count")  # fmt: skip
 
 
 def _of_each(counts: NDArray[np.intp]) -> str:

@@ -239,7 +239,7 @@ def _alike(one: Predictions, two: Predictions) -> tuple[Predictions, Predictions
     if folds[0] != folds[1]:
         raise BadInput(
             "two runs with the same folds", "windows that were predicted in different folds",
-            "train both with the same --seed and --fold-count",
+            "train both with the same --seed and --fold-count, or with one table of --folds",
         )  # fmt: skip
     return one, two
 

@@ -22,6 +22,7 @@ OBJECTS = ("object", "cup", "item", "specimen")
 SESSIONS = (
     "session", "sitting", "power_on", "day", "date", "visit", "operator", "person", "subject",
     "participant", "user", "lab", "rig", "station", "sensor", "device", "pad", "gel", "batch",
+    "placement", "mounting",
 )  # fmt: skip
 """Groups that say where, when or by whom a trial was recorded; they must predict no class."""
 TIMES = SESSIONS[:6]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from math import inf
 from time import perf_counter
 
+from taxel.bundles.contract import Contract
 from taxel.bundles.reader import Bundle
 from taxel.decisions.recognition import (
     Decision,
@@ -21,6 +22,7 @@ from taxel.decisions.still_channels import StillChannel, StillWatch
 from taxel.live.rate_watch import RateChange, RateWatch
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.following import GateMove
+from taxel.windows.level_follow import LevelFollower, parse_level_follow
 from taxel.windows.windower import Windower, Windows
 
 _NEAR_S = 0.03
@@ -37,7 +39,7 @@ class Answer:
 
     decision: Decision
     window: Windows
-    """The one window, shape (1, steps, channels)."""
+    """The one window, shape (1, steps, channels); scaled where levels follow."""
     latency_s: float
     """From the samples in hand to the decision, seconds; windows of one call share
     the time that cutting took."""
@@ -50,13 +52,19 @@ class Recogniser:
         bundle: The model with its contract.
         sensor: The source's array.
         config: When an answer may be given.
+        follower: What follows the level of a session that went on before; a new one unless given,
+            where the bundle's levels follow.
 
     Raises:
         BadBundle: The bundle was not made for such an array.
     """
 
     def __init__(
-        self, bundle: Bundle, sensor: SensorInfo, config: RecogniseConfig | None = None
+        self,
+        bundle: Bundle,
+        sensor: SensorInfo,
+        config: RecogniseConfig | None = None,
+        follower: LevelFollower | None = None,
     ) -> None:
         bundle.contract.check_sensor(sensor)
         self.bundle = bundle
@@ -67,6 +75,7 @@ class Recogniser:
         self._still = None if motion is None else StillWatch(motion, bundle.contract.channels)
         own = window.grid_hz is None and window.steps > 1 and bundle.contract.rate_hz > 0
         self._rate = RateWatch(bundle.contract.rate_hz) if own else None
+        self._level = follower or follower_of(bundle.contract)
         self._near = len(sensor.only(window.channels).channels) if window.layout == "A" else 1
         rate_hz = window.grid_hz or sensor.rate_hz  # 0 of a recording of a single scan
         self._row_s = 1.0 / rate_hz if rate_hz > 0 else _SINGLE_S
@@ -129,22 +138,27 @@ class Recogniser:
 
     def _watched(self, windows: Windows, started: float) -> list[Answer]:
         """Return the answers of windows that really came, and look for channels that stopped."""
-        answers = self._answers(windows, started)
+        answers = self._answers(windows, started, self._level)
         if self._still is not None:
             for answer in answers:
                 self._still.look(answer.window)
         return answers
 
-    def _answers(self, windows: Windows, started: float) -> list[Answer]:
+    def _answers(
+        self, windows: Windows, started: float, learning: LevelFollower | None = None
+    ) -> list[Answer]:
+        """Return the answers; the level is taken from windows that really came alone."""
         cutting_s = (perf_counter() - started) / max(1, len(windows))
         answers = []
         for index in range(len(windows)):
             began = perf_counter()
             window = windows if len(windows) == 1 else windows[index : index + 1]
+            if self._level is not None:
+                window = _scaled(window, self._level, learns=learning is not None)
             found, novelty = self.bundle.recognise(window.values, window.mask)
             decision = decide(
                 found,
-                Quality.of(window, 0),
+                Quality.of(window, 0, self.bundle.contract.motion),
                 self.bundle.contract.classes,
                 self._config,
                 novelty,
@@ -152,3 +166,22 @@ class Recogniser:
             )
             answers.append(Answer(decision, window, cutting_s + perf_counter() - began))
         return answers
+
+
+def follower_of(contract: Contract) -> LevelFollower | None:
+    """Return what follows a session's level for a bundle; None where its levels do not follow."""
+    text, usual = contract.window.level_follow, contract.usual_level
+    if text is None or usual is None:
+        return None
+    touches, gap_s = parse_level_follow(text).touches, contract.window.max_gap_s
+    return LevelFollower(usual, touches, gap_s, contract.most_windows)
+
+
+def _scaled(window: Windows, level: LevelFollower, *, learns: bool) -> Windows:
+    """Return a window at the usual level; take in its own where it really came."""
+    if learns:
+        level.begin(window)
+    factor = level.factor
+    if learns:
+        level.add(window)
+    return replace(window, values=window.values * factor)

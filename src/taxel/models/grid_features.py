@@ -14,7 +14,6 @@ Trans. Inf. Theory 8(2), 1962; Dempster et al., "MiniRocket", KDD 2021.
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
 from collections.abc import Callable
 from typing import NamedTuple
@@ -24,6 +23,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from taxel.grid_names import grid_place
 from taxel.models.kernel_features import kernels_of
 from taxel.models.touch_window import TINY, Touch, rounded
 
@@ -45,10 +45,6 @@ THRESHOLDS = (0.5, 2.0)
 IMPRINT_NUMBERS = 18
 """What `imprints` gives of each grid."""
 _TAPS = 3
-_PLACE = re.compile(
-    r"(|.*?[^a-z])r(?:ow)?_?([0-9]{1,4})_?c(?:ol)?_?([0-9]{1,4})((?:[^0-9].*)?)", re.IGNORECASE
-)
-"""A channel's name; the r of a word such as "sensor1" is no row."""
 _FINEST = 2.0**24
 """Parts of the grid's longer side: what is finer in an imprint's shape is rounding."""
 
@@ -84,8 +80,8 @@ def grids_of(channels: tuple[str, ...]) -> Grids:
     """
     stems: dict[tuple[str, str], list[tuple[int, int, int]]] = defaultdict(list)
     for number, name in enumerate(channels):
-        if place := _PLACE.fullmatch(name):
-            stems[place[1], place[4]].append((int(place[2]), int(place[3]), number))
+        if place := grid_place(name):
+            stems[place.grid].append((place.row, place.column, number))
     found = (_grid(places) for places in stems.values())
     return tuple(grid for grid in found if grid is not None)
 

@@ -101,6 +101,7 @@ def contract_of(
         reference=dataset.reference,
         learned=tuple(sorted({fingerprint_of(own) for own in dataset.fingerprints.values()})),
         motion=measure_motion(dataset, target),
+        usual=None if dataset.usual is None else tuple(dataset.usual.tolist()),
         trial_windows=int(np.median(np.bincount(dataset.trial))) if len(dataset) else 0,
     )
 
@@ -171,9 +172,16 @@ def load_run(folder: Path | str, *, weights: bool = True) -> Run:
         weights: False leaves the networks out, for those who read results only.
 
     Raises:
-        BadInput: The folder is no run, is damaged, or has no weights to load.
+        BadInput: It is a file such as a bundle, the folder is no run, is damaged, or has no
+            weights to load.
     """
     folder = Path(folder)
+    if folder.is_file():
+        raise BadInput(
+            "a run's folder", f"{folder}, a {'bundle' if folder.suffix == '.taxel' else 'file'}",
+            "name the folder that taxel train wrote: its --output, usually runs/DATA-TARGET; "
+            "if it is gone, train again",
+        )  # fmt: skip
     if (folder / IN_RUN).is_file():
         raise BadInput(
             f"a run of an array in {folder}", "one of camera trials",

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from statistics import median_high
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,16 +89,20 @@ def nothing_found(path: Path, config: WindowConfig, where: Mapping[str, str] | N
     )
 
 
-def nothing_usable(windows: int, stale: int, config: WindowConfig) -> BadDataset:
+def nothing_usable(
+    windows: int, stale: int, config: WindowConfig, stretches: Sequence[int]
+) -> BadDataset:
     """Return the refusal of windows none of which may be used.
 
     Args:
         windows: How many there are.
         stale: How many for the age of their scans alone.
         config: How they were cut.
+        stretches: Rows of each trial's longest stretch without a missing, stale or NaN value.
     """
     if stale < windows:
-        got, mend = "each window holds missing, stale or NaN values", ""
+        got = f"each window of {number_of(config.steps, 'row')} holds missing, stale or NaN values"
+        mend = _shorter(config, stretches)
     else:
         got = f"in every window ({windows}) a row's latest scan is {too_old(config)}"
         mend = ", or take each scan as a row: --window grid=own"
@@ -105,6 +110,27 @@ def nothing_usable(windows: int, stale: int, config: WindowConfig) -> BadDataset
         "at least one window of usable values",
         f"none: {got}",
         f"look at the recordings with: taxel info{mend}",
+    )
+
+
+def _shorter(config: WindowConfig, stretches: Sequence[int]) -> str:
+    """Return whether shorter windows would hold usable values only, and which; empty if nothing
+    is known of that.
+
+    A stretch of n rows holds a whole window of (n + 1) // 2, wherever the first window began.
+    """
+    if config.steps <= 2 or config.layout == "A" or not stretches:
+        return ""
+    usual = median_high(stretches)
+    steps = min((usual + 1) // 2, config.steps - 1)
+    if steps < 2:
+        return (
+            f", and record again: half of the trials or more have at most {usual} rows in a row "
+            "that are whole, too few for shorter windows"
+        )
+    return (
+        f", or choose shorter windows: half of the trials or more have {usual} rows in a row that "
+        f"are whole, enough for --window steps={steps}"
     )
 
 

@@ -98,6 +98,10 @@ class WindowConfig:
     sessions are each brought to one level by their first touches of a known object, which are
     then left out; a bundle is brought to a new session by taxel adapt. None takes values as
     they are. Source: our choice, docs/decisions/0026."""
+    level_follow: str | None = None
+    """"KEY:TOUCHES" such as "session:10": each touch's channels are scaled by the level of its
+    session's earlier touches, beside which the usual level counts as much as so many; `level_follow
+    .py`. None takes values as they are. Source: our choice, docs/decisions/0061."""
 
     def __post_init__(self) -> None:
         own_numbers(self)
@@ -122,6 +126,9 @@ class WindowConfig:
             raise ValueError("needed layout B for a wavelet: in A a column is no channel; got A")
         if not 0.0 <= self.fill < 1.0:
             raise ValueError(f"needed a share of at least 0 and below 1 for fill; got {self.fill}")
+        if self.level_follow is not None and (self.layout == "A" or self.reference is not None):
+            other = "layout B" if self.layout == "A" else "no reference touches"
+            raise ValueError(f"needed {other} where levels follow; got {self.level_follow!r}")
         if self.segment is not None and not math.isfinite(self.segment):
             raise ValueError(f"needed a finite level for segment; got {self.segment}")
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -36,14 +36,14 @@ from taxel.windows.checks import (
     too_old,
 )
 from taxel.windows.config import WindowConfig
+from taxel.windows.level_follow import followed_factors, mean_squares, parse_level_follow
 from taxel.windows.rates import fit_age, fit_gap, rates_note, rates_of
 from taxel.windows.reference import Reference, parse_reference, session_levels, to_usual, usual_of
+from taxel.windows.stretches import owners_of, whole_stretches
 from taxel.windows.windower import Windows, cut_windows
 
 LABEL_THEM = "label the recordings: taxel label RECORDINGS --intervals TABLE --output FOLDER"
 """What helps where trials lack the label, for messages."""
-_TIME_SLACK_S = 1e-6
-"""A window this little outside its trial still belongs to it, seconds: hides float rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,6 +69,9 @@ class Dataset:
     """The level that all sessions were brought to; None where values are as measured."""
     to_level: NDArray[np.float32] | None = None
     """What each trial's values were multiplied by for that, shape (trials, channels)."""
+    usual: NDArray[np.float64] | None = None
+    """The level that each session's was followed from, mean squares of shape (channels,), in the
+    channels' units squared; None where levels are not followed."""
     missing: int = 0
     """Windows that were left out, as they hold values that are missing or NaN."""
     fingerprints: Mapping[str, str] = field(default_factory=dict)
@@ -160,6 +163,7 @@ def load_dataset(
     target: str | None = None,
     where: Mapping[str, str] | None = None,
     unusable: bool = False,
+    usual: NDArray[np.float64] | None = None,
 ) -> Dataset:
     """Cut all recordings of a folder, or one recording, into windows.
 
@@ -170,6 +174,8 @@ def load_dataset(
             without it are left out. None keeps all.
         where: Only trials whose label or group has this value, such as {"task": "shape"}.
         unusable: Also keep windows of missing, stale or NaN values, which live answers UNKNOWN.
+        usual: The level that a bundle's sessions are followed from, where its window says that
+            levels follow; None to learn it.
 
     Raises:
         BadRecording: A recording is damaged.
@@ -211,8 +217,11 @@ def load_dataset(
         trials += [trial for trial, own_wanted in zip(own, wanted, strict=True) if own_wanted]
     if sensor is None or not sum(map(len, parts)):
         raise nothing_found(path, config, where)
+    if not unusable and not any(part.ready.any() for part in parts):
+        stretches = whole_stretches(paths, config, trials)
+        raise nothing_usable(sum(map(len, parts)), stale, config, stretches)
     cut = _Cut(Windows.join(parts), np.concatenate(owners), trials, sensor, outside, stale)
-    made = _assemble(cut, config, keep=unusable)
+    made = follow_levels(_assemble(cut, config, keep=unusable), config.level_follow, usual)
     made = replace(
         made, digest=digest.hexdigest(), fingerprints=fingerprints, spans=spans,
         notes=(*rates_note(config, rates_hz), *made.notes),
@@ -263,8 +272,6 @@ def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
             f"{windows.padded} of {number_of(len(windows), 'sequence')} shorter than "
             f"{number_of(config.steps, 'row')}: padded and masked"
         )
-    if not len(windows):
-        raise nothing_usable(len(whole), stale, config)
     if not keep:
         check_size(windows.values, cut.sensor.only(config.channels).channels, lambda at: (
             f"{cut.trials[trial[at]].recording}, in the window from {windows.start_s[at]:.2f} s"
@@ -325,6 +332,34 @@ def _referred(
     )
 
 
+def follow_levels(
+    dataset: Dataset, text: str | None, usual: NDArray[np.float64] | None = None
+) -> Dataset:
+    """Return a data set whose touches are scaled by their session's level before them.
+
+    Args:
+        dataset: As measured.
+        text: As `WindowConfig.level_follow` has it; None returns the data set as it is.
+        usual: The level to follow from, as `followed_factors` takes it.
+
+    Raises:
+        BadDataset: A trial lacks the group.
+    """
+    if text is None:
+        return dataset
+    windows, follow = dataset.windows, parse_level_follow(text)
+    ready = windows.ready
+    squares = mean_squares(windows.values[ready], windows.mask[ready])
+    factor, learned = followed_factors(squares, dataset.trial[ready], dataset.trials, follow, usual)
+    return replace(
+        dataset,
+        windows=replace(windows, values=windows.values * factor[dataset.trial, None, :]),
+        config=replace(dataset.config, level_follow=text),
+        to_level=factor,
+        usual=learned,
+    )
+
+
 def recut(path: Path, dataset: Dataset, stride: int, steps: int) -> Dataset:
     """Return the same trials cut again, as for overlapping training windows.
 
@@ -337,7 +372,7 @@ def recut(path: Path, dataset: Dataset, stride: int, steps: int) -> Dataset:
         steps: Rows in a window.
     """
     config = replace(dataset.config, stride=stride, steps=steps)
-    again = load_dataset(path, replace(config, reference=None))
+    again = load_dataset(path, replace(config, reference=None, level_follow=None))
     order = {(t.recording, t.start_s): i for i, t in enumerate(dataset.trials)}
     index = np.array([order.get((t.recording, t.start_s), -1) for t in again.trials], np.intp)
     owner = index[again.trial]
@@ -355,15 +390,6 @@ def _stale(windows: Windows, samples: Samples, config: WindowConfig, sensor: Sen
         return 0
     ageless = cut_windows(samples, replace(config, max_age_s=math.inf), sensor)
     return int(np.isin(windows.start_s[bad], ageless.start_s[ageless.ready]).sum())
-
-
-def owners_of(windows: Windows, trials: Sequence[Trial]) -> NDArray[np.intp]:
-    """Return the trial that each window lies in as a whole, or -1, shape (n,)."""
-    starts = np.array([trial.start_s for trial in trials]) - _TIME_SLACK_S
-    ends = np.array([trial.end_s for trial in trials]) + _TIME_SLACK_S
-    owner = np.searchsorted(starts, windows.start_s, side="right") - 1
-    inside = (owner >= 0) & (windows.end_s <= ends[np.maximum(owner, 0)])
-    return np.where(inside, owner, -1).astype(np.intp)
 
 
 def _matches(trial: Trial, where: Mapping[str, str]) -> bool:

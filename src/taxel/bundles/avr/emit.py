@@ -69,6 +69,7 @@ def board_window(contract: Contract, converter: Converter, full_scale: float | N
         (window.tare, "windows tared by their first row"),
         (window.wavelet is not None or window.segment is not None, "windows that are denoised"),
         (window.gate_follow_s is not None, "a gate that follows rest and noise"),
+        (window.level_follow is not None, "levels that follow"),
         (window.subtract is not None, "windows less an untouched channel"),
         (set(contract.units) != {"V"}, f"units {', '.join(sorted(set(contract.units)))}"),
     ):

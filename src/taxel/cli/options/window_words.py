@@ -129,6 +129,15 @@ def _reference(option: str, text: str) -> str | None:
     return text
 
 
+def _level(option: str, text: str) -> str | None:
+    from taxel.windows.level_follow import parse_level_follow
+
+    if text == "none":
+        return None
+    parse_level_follow(text)
+    return text
+
+
 def _gate(text: str, channels: tuple[str, ...] | None) -> float | None:
     """Return a gate given as a number, or measured from a recording of the array at rest.
 
@@ -163,7 +172,7 @@ def _seconds_or_none(option: str, text: str) -> float | None:
     return value
 
 
-_FIELDS = {"grid": "grid_hz", "follow": "gate_follow_s"}
+_FIELDS = {"grid": "grid_hz", "follow": "gate_follow_s", "level": "level_follow"}
 """Name of a change → the window's field, where it has another name."""
 _READ: dict[str, Callable[[str, str], Any]] = {
     "steps": _count,
@@ -177,6 +186,7 @@ _READ: dict[str, Callable[[str, str], Any]] = {
     "wavelet": _text_or_none,
     "segment": _number_or_none,
     "reference": _reference,
+    "level": _level,
     "fill": _share,
     "follow": _seconds_or_none,
     "subtract": _text_or_none,

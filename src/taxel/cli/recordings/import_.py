@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,7 @@ from taxel.recordings.imports.known import KNOWN, KNOWN_VIDEOS
 from taxel.recordings.imports.notes import FileFacts, notes_of
 from taxel.recordings.imports.part import Row, spread
 from taxel.recordings.imports.rows import ImportRow, read_rows
+from taxel.recordings.imports.same_cameras import Pair, same_notes
 from taxel.recordings.imports.spelling import look_alikes
 from taxel.recordings.imports.video_rows import VideoRow
 
@@ -227,10 +229,13 @@ class Import:
             rows = KNOWN_VIDEOS[self.table](self.data)
         rows, left = self._part(rows)
         uneven: list[Video] = []
+        same: list[Pair] = []
         made = import_videos(
-            rows, self.output, overwrite=self.overwrite, progress=progress, on_uneven=uneven.append
-        )
-        return made, [*_notes(rows), *_uneven_note(uneven), *left]
+            rows, self.output, overwrite=self.overwrite, progress=progress,
+            on_uneven=uneven.append, on_same=same.append,
+        )  # fmt: skip
+        alike = same_notes(Counter(same), len(made))
+        return made, [*_notes(rows), *_uneven_note(uneven), *alike, *left]
 
 
 def _notes(parts: Sequence[ImportRow | VideoRow | Interval]) -> list[str]:

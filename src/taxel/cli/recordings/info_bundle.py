@@ -111,9 +111,11 @@ def _array_unknown(contract: arrays.Contract) -> str:
     window = contract.window
     filled = window.fill if window.layout == "B" else 0.0
     gaps = f" beyond short gaps of {100 * filled:g} % of a window" if filled > 0 else ""
+    motion = contract.motion
+    frozen = motion is not None and motion.knows_frozen(window.steps)
     return (
         f"{_confidence(config.least_confidence)}; values missing, stale or NaN{gaps}; "
-        f"a channel at the converter's limit; {novel}"
+        f"a channel at the converter's limit; {'one scan repeated; ' if frozen else ''}{novel}"
     )
 
 

@@ -29,6 +29,10 @@ LATE_S = 0.5
 docs/decisions/0012."""
 SUMMARY_FOLLOWS = "the summary follows"
 """What a verb that writes no file says after the first signal."""
+TOGETHER_S = 1.0
+"""Signals within so many seconds of the first are one request to stop: a service manager may send
+it to a process and to its group, and the second would end what the first began to complete. Source:
+our choice, docs/decisions/0019."""
 _ARRAY = -1
 """Stands for the array among the cameras' numbers."""
 
@@ -167,25 +171,32 @@ def ledger_line(ledger: dict[str, Any]) -> str:
 
 
 @contextmanager
-def stop_signals(follows: str = "completing the file") -> Iterator[Callable[[], bool]]:
+def stop_signals(
+    follows: str = "completing the file", clock: Callable[[], float] = time.monotonic
+) -> Iterator[Callable[[], bool]]:
     """Turn SIGINT, SIGTERM and SIGHUP into a question that a loop can ask; a second one kills.
+
+    Those that come within `TOGETHER_S` of the first are the same request.
 
     Args:
         follows: What is still done after the first, for the line that says so.
+        clock: Monotonic seconds.
     """
-    received: list[int] = []
+    received_s: list[float] = []
 
     def note(number: int, _frame: FrameType | None) -> None:
-        if received:
+        if received_s and clock() - received_s[0] < TOGETHER_S:
+            return
+        if received_s:
             signal.signal(number, signal.SIG_DFL)
             signal.raise_signal(number)
-        received.append(number)
+        received_s.append(clock())
         say_aside(f"stopping: {follows}")
 
     names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     before = {name: signal.signal(getattr(signal, name), note) for name in names}
     try:
-        yield lambda: bool(received)
+        yield lambda: bool(received_s)
     finally:
         for name, handler in before.items():
             signal.signal(getattr(signal, name), handler)

@@ -167,7 +167,9 @@ def _windows(run: Run, file: Path, classes: Sequence[str]) -> Exemplars:
     """Return all windows of a recording as measured."""
     contract = run.contract
     return all_exemplars(
-        load_dataset(file, replace(contract.window, reference=None)), classes, contract.target
+        load_dataset(file, replace(contract.window, reference=None), usual=contract.usual_level),
+        classes,
+        contract.target,
     )
 
 

@@ -5,9 +5,13 @@ Knows nothing about files, screens or how single checks work.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
+
+import numpy as np
 
 from taxel.evaluation.audit.both_sides import (
     SESSIONS_UNKNOWN,
@@ -56,6 +60,7 @@ from taxel.evaluation.audit.touch_set import (
 )
 from taxel.labels.class_order import figures_as_classes
 from taxel.labels.trials import SESSIONS
+from taxel.recordings.imports.same_cameras import same_notes
 
 STEPS = 10
 """How often `audit` says what it looks for."""
@@ -136,7 +141,7 @@ def audit(
         split="" if case.sides is None else case.sides.name,
         read_on=_read_on(case),
         findings=sort_findings(list(map(as_frames, facts)) if touch.kind == "camera" else facts),
-        notes=(*touch.notes, *_figures(touch)),
+        notes=(*touch.notes, *_figures(touch), *_same_cameras(touch)),
         groups=group_values(touch),
     )
 
@@ -187,6 +192,18 @@ def _figures(touch: TouchSet) -> list[str]:
     """Return the note on a label of measured figures, if it is one."""
     note = figures_as_classes([trial.labels[touch.target] for trial in touch.trials], touch.target)
     return [note] if note else []
+
+
+def _same_cameras(touch: TouchSet) -> list[str]:
+    """Return warnings of cameras that show the same images, as small as they are held here."""
+    columns = {name: np.flatnonzero(np.array(touch.views) == name) for name in touch.views}
+    same = Counter(
+        (a, b)
+        for rows in touch.rows
+        for a, b in combinations(columns, 2)
+        if np.array_equal(rows[:, columns[a]], rows[:, columns[b]])
+    )
+    return same_notes(same, len(touch))
 
 
 def _read_on(case: Case) -> str:

@@ -31,13 +31,14 @@ from taxel.signals import Mark, Samples, SensorInfo
 from taxel.training.fitting import Job, TrainingSet, fit_model, training_windows
 from taxel.training.recipes import Recipe
 from taxel.training.run import contract_of
-from taxel.windows.dataset import load_dataset, owners_of
+from taxel.windows.dataset import load_dataset
 from taxel.windows.reference import (
     ReferenceTouches,
     parse_reference,
     to_usual,
     touch_level,
 )
+from taxel.windows.stretches import owners_of
 from taxel.windows.windower import Windows, cut_windows
 
 ANSWER_ALL = RecogniseConfig(least_confidence=0.0)
@@ -213,7 +214,8 @@ def _answers(
             novelty = None
             if test is not None and rows is not None and windows.mask[i].any():
                 novelty = test.of_window(rows[i][windows.mask[i]])
-            decision = decide(raw[i], Quality.of(windows, i), classes, config, novelty, test)
+            quality = Quality.of(windows, i, model.contract.motion)
+            decision = decide(raw[i], quality, classes, config, novelty, test)
             answered[i] = decision.label != UNKNOWN
             whole[touch] = votes[touch].add(decision)[0] != UNKNOWN
     known = np.array([whole.get(touch, False) for touch in trial.tolist()], bool)

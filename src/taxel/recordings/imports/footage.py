@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadFile, BadSource, BadTable
 from taxel.foreign.files import MIB, open_file, read_bytes
 from taxel.frame_codec import decode_still, still_size
-from taxel.jpeg_head import check_size
+from taxel.jpeg_head import EIGHT_BITS, check_size
 from taxel.plain_text import number_of
 from taxel.raster_head import is_raster
 from taxel.recordings.imports.frame_arrays import ENDING, FrameArray, file_digest
@@ -296,7 +296,7 @@ def _readable(file: Path, read: Callable[[bytes], Result]) -> Result:
     except BadSource as error:
         raise BadTable(
             f"{error.needed}, as PNG, JPEG, BMP or TIFF", f"{file}: {error.got}",
-            error.mend if is_raster(image) else "save or copy it again",
+            error.mend if is_raster(image) or error.mend == EIGHT_BITS else "save or copy it again",
         ) from error  # fmt: skip
 
 

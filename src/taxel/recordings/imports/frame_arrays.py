@@ -59,7 +59,8 @@ class FrameArray:
         ):  # fmt: skip
             raise BadTable(
                 _SHAPES, f"{array} in {path}",
-                "save them so; images of 0…1 times 255, and colours last",
+                "save them so: images of 0…1 times 255, of 16 bits divided by 257, colours last, "
+                "without a fourth channel",
             )  # fmt: skip
         self.count, self.height, self.width = (int(side) for side in shape[:3])
         try:

@@ -10,12 +10,14 @@ Background of our choices: docs/decisions/0012.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 
 from taxel.errors import BadTable
 from taxel.frame_codec import encode_jpeg
 from taxel.recordings.imports.earlier import IMPORTED, import_folder
 from taxel.recordings.imports.footage import Footage, Video, coloured, open_footage
+from taxel.recordings.imports.same_cameras import Pair
 from taxel.recordings.imports.video_rows import VideoRow
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.writer import Recorder
@@ -34,6 +36,7 @@ def import_videos(
     overwrite: bool = False,
     progress: Callable[[int, int], None] | None = None,
     on_uneven: Callable[[Video], None] = lambda _: None,
+    on_same: Callable[[Pair], None] = lambda _: None,
 ) -> list[Path]:
     """Write one recording for each row, all or none.
 
@@ -44,6 +47,7 @@ def import_videos(
             earlier imports.
         progress: Called with recordings done and in all.
         on_uneven: Called with each video whose frames are not evenly spaced; they are taken so.
+        on_same: Called for each recording with two cameras that show the same images throughout.
 
     Raises:
         BadTable: A video is missing, empty, cut short, grey, or unlike its partner.
@@ -52,7 +56,10 @@ def import_videos(
     files = [f"{row.name}.mcap" for row in rows]
     with import_folder(output_dir, files, overwrite=overwrite) as made:
         for done, (row, file) in enumerate(zip(rows, files, strict=True), 1):
-            for video in _import_row(row, made / file):
+            videos, same = _import_row(row, made / file)
+            for pair in same:
+                on_same(pair)
+            for video in videos:
                 if isinstance(video, Video) and video.uneven():
                     on_uneven(video)
             if progress is not None:
@@ -60,8 +67,8 @@ def import_videos(
     return [output_dir / file for file in files]
 
 
-def _import_row(row: VideoRow, path: Path) -> list[Footage]:
-    """Write a row's recording; return what it was made of, closed."""
+def _import_row(row: VideoRow, path: Path) -> tuple[list[Footage], list[Pair]]:
+    """Write a row's recording; return what it was made of, closed, and cameras that are alike."""
     videos = {name: open_footage(file) for name, file in row.files.items()}
     try:
         rate_hz = row.rate_hz or same_rate(row.name, videos)
@@ -83,26 +90,31 @@ def _import_row(row: VideoRow, path: Path) -> list[Footage]:
         )
         with Recorder(path, manifest) as recorder:
             streams = [coloured(video) for video in videos.values()]
+            same = list(combinations(range(len(streams)), 2))
             for index in range(max(video.count for video in videos.values())):
+                images: dict[int, bytes] = {}
                 for camera, stream in enumerate(streams):
                     rgb = next(stream, None)  # the longer one is read to its end: it may be cut
                     if rgb is not None and index < count:
                         time_s = index / rate_hz
+                        images[camera] = encode_jpeg(rgb, QUALITY)
                         recorder.frame(
                             Frame(
                                 camera=camera,
-                                jpeg=encode_jpeg(rgb, QUALITY),
+                                jpeg=images[camera],
                                 counter=index,
                                 device_s=time_s,
                                 arrival_s=time_s,
                                 fitted_s=time_s,
                             )
                         )
+                same = [(a, b) for a, b in same if images.get(a) == images.get(b)]
             recorder.close(IMPORTED)
     finally:
         for video in videos.values():
             video.close()
-    return list(videos.values())
+    names = list(videos)
+    return list(videos.values()), [(names[a], names[b]) for a, b in same]
 
 
 def same_rate(name: str, videos: Mapping[str, Footage]) -> float:

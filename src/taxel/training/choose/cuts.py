@@ -66,7 +66,7 @@ class Cuts:
     """What was not tried, for the time was up."""
 
 
-def best_cut(parts: Sequence[Part], tries: Tries) -> Cuts:
+def best_cut(parts: Sequence[Part], tries: Tries, follow: str | None = None) -> Cuts:
     """Return the way to cut on which two quick models do best, in equal stretches of time.
 
     A trial that a way leaves without a window, as a high gate does, counts as guessed at there.
@@ -74,6 +74,8 @@ def best_cut(parts: Sequence[Part], tries: Tries) -> Cuts:
     Args:
         parts: The most natural way first.
         tries: Scores candidates.
+        follow: Whose levels may be followed, as `WindowConfig.level_follow` has it: the best way is
+            compared with itself so, whatever the time, and replaced as by another way.
     """
     decided = [len(set(part.prepared.trial[part.windows])) for part in parts]
     ways = [
@@ -97,13 +99,15 @@ def best_cut(parts: Sequence[Part], tries: Tries) -> Cuts:
         tried = tries.of(way.part)
         if compared and len(tried) < len(pair):
             continue
-        trial, loss = _stretch_losses(way.part, tried, way.part.scored)
-        way.loss = way.with_guesses(float(loss.mean()))
-        way.by_trial = {int(i): float(loss[trial == i].mean()) for i in np.unique(trial)}
+        way.score(tried)
         compared.append(way)
-    least = min(compared, key=lambda way: way.loss)
-    enough = BETTER_CUT * least.loss + CUT_SLACK
-    best = next(way for way in compared if way.loss <= enough or not _is_surely_worse(way, least))
+    best = _most_natural(compared)
+    if follow is not None:
+        levels = best.followed(follow)
+        sets = levels.part.feature_sets()
+        tries.try_all(levels.part, _quick_pair(sets), sets, must=True)
+        levels.score(tries.of(levels.part))
+        best = _most_natural([best, levels])
     return Cuts(best.whole, tuple(behind), tuple(left_out))
 
 
@@ -121,9 +125,29 @@ class _Cutting:
     by_trial: dict[int, float] = field(default_factory=dict)
     """The same for each trial that it decides."""
 
+    def score(self, tried: Sequence[Tried]) -> None:
+        """Note what the quick models give."""
+        trial, loss = _stretch_losses(self.part, tried, self.part.scored)
+        self.loss = self.with_guesses(float(loss.mean()))
+        self.by_trial = {int(i): float(loss[trial == i].mean()) for i in np.unique(trial)}
+
+    def followed(self, text: str) -> _Cutting:
+        """Return the same windows with levels that follow."""
+        levels = self.whole.prepared.followed(text)
+        return _Cutting(
+            replace(self.whole, prepared=levels), replace(self.part, prepared=levels), self.share
+        )
+
     def with_guesses(self, loss: float) -> float:
         """Return a loss of the decided trials, nats, with the others guessed at."""
         return self.share * loss + (1.0 - self.share) * float(np.log(self.part.classes))
+
+
+def _most_natural(ways: Sequence[_Cutting]) -> _Cutting:
+    """Return the first way that no other is clearly and surely better than."""
+    least = min(ways, key=lambda way: way.loss)
+    enough = BETTER_CUT * least.loss + CUT_SLACK
+    return next(way for way in ways if way.loss <= enough or not _is_surely_worse(way, least))
 
 
 def _quick_pair(sets: Sets) -> list[Candidate]:

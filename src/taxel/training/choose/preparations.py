@@ -26,7 +26,7 @@ from taxel.plain_text import number_of
 from taxel.sim.teng.constants import SENSORS
 from taxel.training.choose.kernels import KeptKernels
 from taxel.windows.config import GATE_V, WindowConfig
-from taxel.windows.dataset import Dataset, load_dataset
+from taxel.windows.dataset import Dataset, follow_levels, load_dataset
 from taxel.windows.joining import TEST_PREFIX, join_datasets
 from taxel.windows.rates import PAUSE_ROWS, with_common_grid
 
@@ -119,6 +119,10 @@ class Prepared:
     computing: Lock = field(default_factory=Lock)
     kernels: KeptKernels = field(default_factory=KeptKernels)
     """Features that are fitted, of the folds that were asked for last."""
+    measured: Prepared | None = None
+    """The same windows as measured, where levels follow here."""
+    following: dict[str, Prepared] = field(default_factory=dict)
+    """The same windows with levels that follow, as they were asked for."""
 
     @property
     def name(self) -> str:
@@ -126,7 +130,29 @@ class Prepared:
         steps, gate = self.config.steps, self.config.gate
         rows = number_of(steps, "row")
         gated = f" above {gate:g}" if gate is not None else ""
-        return f"{rows}{gated}{', padded' if self.dataset.windows.padded else ''}"
+        padded = ", padded" if self.dataset.windows.padded else ""
+        follow = ", levels followed" if self.config.level_follow is not None else ""
+        return f"{rows}{gated}{padded}{follow}"
+
+    @property
+    def plain(self) -> Prepared:
+        """Return the same windows as measured: simple models are judged on those."""
+        return self if self.measured is None else self.measured
+
+    def followed(self, text: str) -> Prepared:
+        """Return the same windows with levels that follow, made once.
+
+        Args:
+            text: As `WindowConfig.level_follow` has it.
+        """
+        with self.computing:
+            if text not in self.following:
+                self.following[text] = replace(
+                    self, config=replace(self.config, level_follow=text),
+                    dataset=follow_levels(self.dataset, text), cache={}, computing=Lock(),
+                    kernels=KeptKernels(), measured=self, following={},
+                )  # fmt: skip
+            return self.following[text]
 
     @property
     def pads(self) -> tuple[int, ...]:
@@ -332,6 +358,9 @@ def prepare(base: Base, config: WindowConfig, span: int) -> Prepared:
     Raises:
         BadDataset: No window comes of it.
     """
+    if config.level_follow is not None:
+        text = config.level_follow
+        return prepare(base, replace(config, level_follow=None), span).followed(text)
     stride = config.stride
     if config.steps > OVERLAP and _many(base, config) <= FEW:
         stride = max(1, config.stride // OVERLAP)

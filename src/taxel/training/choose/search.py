@@ -44,6 +44,7 @@ from taxel.training.choose.inner_folds import (
 )
 from taxel.training.choose.joining import fit_joining
 from taxel.training.choose.kept_tries import KeptTries
+from taxel.training.choose.levels import level_to_follow
 from taxel.training.choose.network_folds import NetworkFolds
 from taxel.training.choose.part import Part, Tried, training_part
 from taxel.training.choose.pieces import Pieces
@@ -92,8 +93,9 @@ def choose(
     parts = [_quick_enough(part, effort) for part in _judged_parts(base, prepared, train, held)]
     part: Part = parts[0]
     behind: tuple[str, ...] = ()
-    if len(parts) > 1:
-        cuts = best_cut(parts, search)
+    follow = level_to_follow(base, train, held)
+    if len(parts) > 1 or follow is not None:
+        cuts = best_cut(parts, search, follow)
         part, behind = cuts.best, cuts.behind
         search.left_out += cuts.left_out
     sets = part.feature_sets()
@@ -143,7 +145,7 @@ class _Search:
         self._kept, self._on_step = effort.kept, effort.on_step
         self.left_out: list[str] = []
         self.all: list[tuple[str, Part, Tried]] = []
-        self._looked: dict[tuple[int, Candidate], tuple[int, NDArray[np.float64], float]] = {}
+        self._looked: dict[tuple[int, Candidate], tuple[Part, int, NDArray[np.float64], float]] = {}
 
     def spent(self) -> float:
         """Return the share of this choice's time that has passed."""
@@ -166,7 +168,7 @@ class _Search:
             blocks = sets.get(candidate.features, ())
             logits = out_of_fold(part, candidate, blocks, train, test, self._seed)
             seconds = self._budget.clock() - started
-            self._looked[id(part), candidate] = (fold, logits, seconds)
+            self._looked[id(part), candidate] = (part, fold, logits, seconds)
             return _tried(part, candidate, logits, test, seconds)
 
         with working_threads(self._budget.at_once) as pool:
@@ -245,7 +247,8 @@ class _Search:
         self, part: Part, candidate: Candidate, blocks: tuple[str, ...], *, must: bool
     ) -> tuple[NDArray[np.float64] | None, float]:
         """Return logits of the scored windows; None where the time would not do."""
-        fold, looked, before = self._looked.get((id(part), candidate), (-1, None, 0.0))
+        none = (part, -1, None, 0.0)
+        _, fold, looked, before = self._looked.get((id(part), candidate), none)
         clock, started = self._budget.clock, self._budget.clock() - before
         numbers = tested_folds(part.fold, ordered=part.ordered)
         name = (candidate, part.name)

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from taxel.errors import BadFile, BadInput
+from taxel.evaluation.intervals import ALIKE, all_alike
 from taxel.foreign.files import open_file
 from taxel.plain_text import html_text
 from taxel.recordings.whole import write_whole
@@ -135,9 +136,13 @@ def percent(value: float | None, digits: int = 1) -> str:
 
 
 def band(low: float | None, high: float | None, digits: int = 1) -> str:
-    """Return an interval of shares in per cent; nothing where there is none."""
+    """Return an interval of shares in per cent; nothing where there is none; where it has no width,
+    that all are alike.
+    """
     if low is None or high is None or math.isnan(low):
         return ""
+    if all_alike((low, high)):
+        return f"[{ALIKE}]"
     return f"[{100 * low:.{digits}f}, {100 * high:.{digits}f}]"
 
 

@@ -12,6 +12,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from taxel.evaluation.intervals import ALIKE, all_alike
 from taxel.evaluation.paired import Paired
 from taxel.plain_text import number_of, visible, visible_line
 
@@ -67,4 +68,6 @@ def compare_table(paired: Paired, first: str, second: str) -> RenderableType:
 def interval_text(found: Paired) -> str:
     """Return the difference's interval in points, or nothing where there is none."""
     low, high = (100 * bound for bound in found.interval)
+    if all_alike(found.interval):
+        return f" [{ALIKE}]"
     return "" if math.isnan(low) else f" [{low:+.1f}, {high:+.1f}]"

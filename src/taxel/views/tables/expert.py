@@ -6,11 +6,13 @@ Knows nothing about how it was found.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isnan
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from taxel.evaluation.expert import Expert
+from taxel.evaluation.intervals import all_alike
 from taxel.evaluation.nested import Nested
 from taxel.evaluation.run_scores import (
     blind_baselines,
@@ -125,8 +127,8 @@ def nested_table(nested: Nested) -> RenderableType:
         if name not in blind:
             table.add_row(name, f"{accuracy:.4f}", style="dim")
     interval = scores.intervals[scores.group]
-    over = f"95 % CI over {number_of(interval.groups, visible(scores.group))}: "
-    lines = [Text(f"{over}{interval.low:.4f} … {interval.high:.4f}{_all_right(nested)}")]
+    over = number_of(interval.groups, visible(scores.group))
+    lines = [Text(f"{interval_words(interval.low, interval.high, over)}{_all_right(nested)}")]
     if blind:
         hidden = ", ".join(blind)
         text = f"baselines not shown, because they carry no information here: {hidden}"
@@ -138,6 +140,21 @@ def nested_table(nested: Nested) -> RenderableType:
     if note := unnamed_line(nested.predictions):
         lines.append(Text(note, style="yellow" if note.startswith("warning") else ""))
     return Group(heading, table, *lines)
+
+
+def interval_words(low: float, high: float, over: str) -> str:
+    """Return an accuracy's interval in words, or why there is none.
+
+    Args:
+        low: Its lower bound, 0…1; NaN where there is none.
+        high: Its upper one.
+        over: What was resampled, as in "4 sessions".
+    """
+    if isnan(low):
+        return f"no 95 % CI: {over} only"
+    if all_alike((low, high)):
+        return f"no 95 % CI: {over}, all alike; others may differ"
+    return f"95 % CI over {over}: {low:.4f} … {high:.4f}"
 
 
 def _all_right(nested: Nested) -> str:

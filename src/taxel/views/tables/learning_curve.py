@@ -10,7 +10,7 @@ from rich.text import Text
 
 from taxel.evaluation.learning_curve import LearningCurve
 from taxel.plain_text import several, visible
-from taxel.views.tables.results import bracketed, result_table
+from taxel.views.tables.results import alike_note, bracketed, result_table
 
 
 def learning_curve_table(found: LearningCurve) -> RenderableType:
@@ -28,7 +28,8 @@ def learning_curve_table(found: LearningCurve) -> RenderableType:
         )  # fmt: skip
     about = f"{visible(found.target)} · {visible(found.model)} · split: {visible(found.split)}"
     interval = f"interval: 95 %, whole {several(visible(found.group))} of the test parts resampled"
-    return Group(Text(about, style="bold"), table, Text(interval), Text(last_step(found)))
+    alike = alike_note(((own.low, own.high) for own in found.amounts), found.group)
+    return Group(Text(about, style="bold"), table, Text(interval), *alike, Text(last_step(found)))
 
 
 def last_step(found: LearningCurve) -> str:

@@ -62,7 +62,7 @@ def model_tables(
             "Literature: what the TENG thesis (sections 1 and 2.5) quotes for such networks, on "
             "other hands and objects, by splits that it does not name."
         ),
-        *few(results[0].pooled),
+        *few(*(result.pooled for result in results)),
     )
 
 

@@ -18,7 +18,7 @@ from taxel.evaluation.part_scores import Parts, PartScore
 from taxel.evaluation.run_scores import few_groups, only_one
 from taxel.labels.trials import USUAL_GROUPS
 from taxel.plain_text import visible, visible_line
-from taxel.views.tables.results import bracketed, result_table
+from taxel.views.tables.results import alike_note, bracketed, result_table
 
 MOST_ROWS = 24
 """Values of a group that are printed; more fill the screen, and stand in --json."""
@@ -75,6 +75,7 @@ def bundle_score_table(found: BundleScores, bundle: str, data: str) -> Renderabl
     return Group(
         Text(title, style="bold"), table, *parts_tables(found.parts), _confusion(found),
         *(Text(visible_line(line)) for line in _lines(found)),
+        *alike_note([found.interval], found.interval_group),
     )  # fmt: skip
 
 

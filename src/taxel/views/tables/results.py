@@ -16,6 +16,7 @@ from rich.text import Text
 from taxel.evaluation.baselines import below_majority
 from taxel.evaluation.checked import Checked
 from taxel.evaluation.crossval import Pooled
+from taxel.evaluation.intervals import ALIKE, all_alike
 from taxel.evaluation.run_scores import few_groups, only_one
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, ROWS, Section
 from taxel.plain_text import number_of, short_names, visible, visible_line
@@ -101,7 +102,8 @@ def checked_table(checked: Checked) -> RenderableType:
     folds = "folds: " + " ".join(f"{value:.4f}" for value in pooled.fold_accuracies)
     interval = f"interval: 95 %, whole groups resampled by {visible(pooled.interval_group)}"
     return Group(
-        about, table, *below(checked.trivial), Text(folds), Text(interval), *few(pooled),
+        about, table, *below(checked.trivial), Text(folds), Text(interval),
+        *few(pooled, *checked.bars.values()),
         *(Text(visible_line(note)) for note in dataset.notes),
     )  # fmt: skip
 
@@ -112,13 +114,20 @@ def below(trivial: Mapping[str, float]) -> list[Text]:
     return [Text(visible_line(sentence), style="dim")] if sentence else []
 
 
-def few(pooled: Pooled) -> list[Text]:
-    """Return the lines about an interval of few groups, or within one, if it is one."""
+def few(pooled: Pooled, *others: Pooled) -> list[Text]:
+    """Return the lines about an interval of few groups, within one, or without width, if it is one.
+
+    Args:
+        pooled: What is judged.
+        others: Printed beside it, over the same groups.
+    """
+    narrow = few_groups(pooled.interval_group, pooled.interval_groups)
     lines = (
-        few_groups(pooled.interval_group, pooled.interval_groups),
+        None if all_alike(pooled.interval) else narrow,
         only_one(pooled.lone, pooled.interval_group),
     )
-    return [Text(visible_line(line)) for line in lines if line]
+    alike = alike_note((own.interval for own in (pooled, *others)), pooled.interval_group)
+    return [*alike, *(Text(visible_line(line)) for line in lines if line)]
 
 
 def with_interval(pooled: Pooled) -> str:
@@ -130,9 +139,27 @@ def with_interval(pooled: Pooled) -> str:
 def bracketed(
     value: str, interval: tuple[float, float], form: str, alone: str = "one group"
 ) -> str:
-    """Return a value with its interval, and what stands alone where there is none (NaN)."""
+    """Return a value with its interval, what stands alone where there is none (NaN), or `ALIKE`
+    where it has no width.
+    """
     low, high = interval
+    if all_alike(interval):
+        return f"{value} [{ALIKE}]"
     return f"{value} [{alone}]" if math.isnan(low) else f"{value} [{low:{form}}, {high:{form}}]"
+
+
+def alike_note(intervals: Iterable[tuple[float, float]], group: str) -> list[Text]:
+    """Return the line on what is printed as `ALIKE`, if an interval is.
+
+    Args:
+        intervals: Those that are printed.
+        group: What was resampled whole.
+    """
+    if not any(map(all_alike, intervals)):
+        return []
+    return [
+        Text(f"{ALIKE}: no interval, as each {visible(group)} gave the same; others may differ")
+    ]
 
 
 def result_table(title: str | None, columns: Sequence[str]) -> Table:

@@ -16,6 +16,7 @@ from rich.text import Text
 
 from taxel.evaluation.robustness.curve import FALL, FaultPoint, fall_text, level_text
 from taxel.plain_text import visible_line
+from taxel.views.tables.results import bracketed
 
 _CAMERA_COLUMNS = ("balanced [95 %]", "moments", "warned", "any", "false")
 _ARRAY_COLUMNS = ("accuracy [95 %]", "windows", "grasps", "any", "outside")
@@ -113,7 +114,7 @@ def _accuracy(point: FaultPoint) -> str:
         return "nothing answered"
     if math.isnan(point.low):
         return f"{point.accuracy:.3f}"
-    return f"{point.accuracy:.3f} [{point.low:.3f}, {point.high:.3f}]"
+    return bracketed(f"{point.accuracy:.3f}", (point.low, point.high), ".3f")
 
 
 def _percent(value: float) -> str:

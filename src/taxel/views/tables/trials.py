@@ -27,7 +27,7 @@ from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.evaluation.paired import LEVEL, smallest_p
 from taxel.plain_text import number_of, several, visible, visible_line, visible_names
 from taxel.recordings.imports.spelling import by_numbers
-from taxel.views.tables.results import bracketed
+from taxel.views.tables.results import alike_note, bracketed
 from taxel.views.tables.trial_notes import control_warnings, trial_notes
 from taxel.windows.trial_crops import PLACES
 
@@ -72,7 +72,10 @@ def trial_tables(
         parts.append(Text(f"warning: {visible_line(warning)}", style="yellow"))
     if warning := _too_few(split, trials):
         parts.append(Text(f"warning: {warning}", style="yellow"))
-    return Group(*parts, Text(f"Intervals in []: 95 % CI, whole {several(split.group)} resampled."))
+    parts.append(Text(f"Intervals in []: 95 % CI, whole {several(split.group)} resampled."))
+    whole = [result.whole for result in results]
+    intervals = [own for scores in whole for own in (scores.accuracy_interval, scores.auc_interval)]
+    return Group(*parts, *alike_note(intervals, split.group))
 
 
 def _too_few(split: TrialSplit, trials: TrialSet) -> str:

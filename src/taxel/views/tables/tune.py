@@ -7,6 +7,7 @@ import math
 from rich.table import Table
 
 from taxel.evaluation.crossval import Pooled
+from taxel.evaluation.intervals import ALIKE, all_alike
 from taxel.evaluation.tune.nested import Tuned
 from taxel.plain_text import number_of, visible_line
 
@@ -36,5 +37,7 @@ def tune_table(found: Tuned) -> Table:
 def _cells(pooled: Pooled) -> tuple[str, str, str]:
     low, high = pooled.interval
     interval = "–" if math.isnan(low) else f"{low:.1%} … {high:.1%}"
+    if all_alike(pooled.interval):
+        interval = ALIKE
     by = number_of(pooled.interval_groups, visible_line(pooled.interval_group))
     return f"{pooled.scores.accuracy:.1%}", interval, by

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadTable
+from taxel.grid_names import grid_place
 from taxel.recordings.imports.value_tables.row_times import (
     LARGEST_RATE_HZ,
     REFUSED,
@@ -46,8 +47,6 @@ ALL = "*"
 """In the place of a channel's name: all columns but that of time."""
 _GRID = re.compile(r"(.{1,40}):([0-9]{1,4})x([0-9]{1,4})")
 """A grid of channels: its name, rows and columns."""
-_PLACE = re.compile(r"(.*?)r(?:ow)?_?([0-9]{1,4})_?c(?:ol)?_?([0-9]{1,4})", re.IGNORECASE)
-"""What a file may call a column of a grid."""
 TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Unit of a time column → seconds."""
 STAMPS = "iso"
@@ -364,7 +363,7 @@ def _is_grid(columns: Sequence[Column]) -> bool:
 
 def _by_rows(names: Sequence[str]) -> bool:
     """Return whether names that say rows and columns do so row by row, grid by grid."""
-    found = [place for name in names if (place := _PLACE.fullmatch(name))]
-    stems = list(dict.fromkeys(place[1] for place in found))
-    order = [(stems.index(place[1]), int(place[2]), int(place[3])) for place in found]
+    found = [place for name in names if (place := grid_place(name, in_words=True))]
+    grids = list(dict.fromkeys(place.grid for place in found))
+    order = [(grids.index(place.grid), place.row, place.column) for place in found]
     return order == sorted(order)

@@ -1,0 +1,200 @@
+"""Levels that follow: each touch's channels are scaled by their session's level over earlier ones.
+
+Gain, humidity and wear change from session to session far more than shapes and materials differ.
+What a session has touched so far shows its level, whatever it was, as long as it was a mixture like
+that of other sessions. The usual level counts as much as some first touches, so that a session
+begins as it would without this. Nothing of a touch itself, of later ones or of labels is used.
+Knows nothing about files, labels to predict, splits or models.
+
+Background of our choices: docs/decisions/0061.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadDataset, BadInput
+from taxel.labels.trials import Trial
+from taxel.windows.windower import Windows
+
+TOUCHES = 10
+"""Touches of a session that count as much as the usual level. Source: our choice, 0061."""
+MOST_CHANGE = 3.0
+"""Largest factor by which a channel's level may differ from the usual one, either way. Source: our
+choice, 0061; gains of pads differ by 0.5 to 2."""
+_SEED = 0
+_LARGEST = 10**6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelFollow:
+    """How levels follow."""
+
+    key: str
+    """A group of trials, such as "session"; live, a session is a run of `taxel live`."""
+    touches: int
+    """How many touches count as much as the usual level."""
+
+
+def parse_level_follow(text: str) -> LevelFollow:
+    """Return what a text names, "KEY:TOUCHES".
+
+    Raises:
+        BadInput: The text names none.
+    """
+    key, _, touches = text.rpartition(":")
+    if not (key and touches.isascii() and touches.isdecimal() and 0 < int(touches) <= _LARGEST):
+        raise BadInput(
+            f"a group and a number of touches, 1 to {_LARGEST}, as KEY:TOUCHES", repr(text),
+            "such as session:10",
+        )  # fmt: skip
+    return LevelFollow(key=key, touches=int(touches))
+
+
+def mean_squares(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return each channel's mean square in each window, shape (n, channels).
+
+    Args:
+        values: Shape (n, steps, channels).
+        mask: Shape (n, steps), False where a row is padding.
+    """
+    rows = np.maximum(mask.sum(axis=1), 1)[:, None]
+    squares = np.square(values, dtype=np.float64)
+    return np.asarray((squares * mask[:, :, None]).sum(axis=1) / rows)
+
+
+def factor_of(usual: NDArray[np.float64], level: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return what values at a level are multiplied by, shape as `level`; 1 where nothing is usual.
+
+    Args:
+        usual: Mean squares, shape (channels,), in the channels' units squared.
+        level: Likewise, shape (…, channels).
+    """
+    known = (usual > 0) & (level > 0)
+    ratio = np.sqrt(np.where(known, usual, 1.0) / np.where(known, level, 1.0))
+    return np.asarray(np.clip(ratio, 1 / MOST_CHANGE, MOST_CHANGE), np.float32)
+
+
+def followed_factors(
+    squares: NDArray[np.float64],
+    trial: NDArray[np.intp],
+    trials: Sequence[Trial],
+    follow: LevelFollow,
+    usual: NDArray[np.float64] | None = None,
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Return what each trial's channels are multiplied by, and the usual level.
+
+    To learn from, each trial's earlier touches are some of its session drawn at random, so that
+    no model learns in which order a protocol goes through the classes, and its usual level is that
+    of the other sessions alone. Where the usual level is given, they are those before it in time.
+
+    Args:
+        squares: Of all windows, as `mean_squares` gives them.
+        trial: Each window's trial, shape (n,).
+        trials: All trials, each with at least one window.
+        follow: How levels follow.
+        usual: Mean squares that a bundle learned, shape (channels,); None to learn them.
+
+    Returns:
+        Factors of shape (trials, channels), and mean squares of shape (channels,).
+
+    Raises:
+        BadDataset: A trial lacks the group.
+    """
+    if lacking := [own for own in trials if follow.key not in own.groups]:
+        raise BadDataset(
+            f"the group {follow.key!r} on every trial, whose levels are followed",
+            f"none on {lacking[0].groups.get('trial', lacking[0].recording)}",
+            f"import with the column group:{follow.key}",
+        )
+    count = np.maximum(np.bincount(trial, minlength=len(trials)), 1)[:, None]
+    each = np.stack(
+        [np.bincount(trial, own, minlength=len(trials)) for own in squares.T], axis=1
+    ) / count  # fmt: skip
+    sessions = np.array([own.groups[follow.key] for own in trials])
+    names = sorted(set(sessions))
+    logs = np.stack([_log(each[sessions == name].mean(axis=0)) for name in names])
+    learned = _mean_of_logs(logs) if usual is None else usual
+    random = np.random.default_rng(_SEED)
+    level = np.empty_like(each)
+    for place, name in enumerate(names):
+        own = np.flatnonzero(sessions == name)
+        before = usual
+        if before is None:
+            own = random.permutation(own)
+            others = np.delete(logs, place, axis=0)
+            before = _mean_of_logs(others if len(others) else logs)
+        else:
+            own = np.array(sorted(own, key=lambda i: _time_of(trials[i])), np.intp)
+        past = np.cumsum(each[own], axis=0) - each[own]
+        number = np.arange(len(own))[:, None]
+        level[own] = (follow.touches * before + past) / (follow.touches + number)
+    return factor_of(learned, level), learned
+
+
+def _time_of(trial: Trial) -> tuple[str, float]:
+    """Return what trials of a session are ordered by: recordings have clocks of their own."""
+    return trial.recording, trial.start_s
+
+
+def _log(squares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return logarithms; NaN of what is 0."""
+    return np.asarray(np.log(np.where(squares > 0, squares, np.nan)))
+
+
+def _mean_of_logs(logs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the geometric mean over sessions that measured a channel; 0 where none did."""
+    known = np.isfinite(logs)
+    total = np.where(known, logs, 0.0).sum(axis=0)
+    count = known.sum(axis=0)
+    return np.asarray(np.where(count > 0, np.exp(total / np.maximum(count, 1)), 0.0))
+
+
+class LevelFollower:
+    """Follows the level of a live stream, touch by touch.
+
+    A touch ends with a pause; where nothing parts touches, after as many windows as a usual trial
+    of training has.
+
+    Args:
+        usual: Mean squares of training, shape (channels,).
+        touches: How many touches count as much.
+        gap_s: Rows further apart belong to two touches, seconds.
+        most_windows: Windows of a touch at most; None: however many a pause ends.
+    """
+
+    def __init__(
+        self, usual: NDArray[np.float64], touches: int, gap_s: float, most_windows: int | None
+    ) -> None:
+        self._usual, self._gap_s, self._most = usual, gap_s, most_windows
+        self._weight, self._level = float(touches), usual.copy()
+        self._sum, self._windows, self._end_s = np.zeros_like(usual), 0, -np.inf
+        self.factor = factor_of(usual, usual)
+        """Shape (channels,): what the next window's values are multiplied by."""
+        self.touches = 0
+        """How many have ended."""
+
+    def begin(self, window: Windows) -> None:
+        """Note that a window comes, shape (1, steps, channels), before it is scaled."""
+        pause = float(window.start_s[0]) - self._end_s > self._gap_s
+        if self._windows and (pause or self._windows == self._most):
+            self._take_in()
+        self._end_s = float(window.end_s[0])
+
+    def add(self, window: Windows) -> None:
+        """Take in what was measured in that window, as it came."""
+        if window.ready[0] and window.mask[0].any():
+            self._sum += mean_squares(window.values, window.mask)[0]
+            self._windows += 1
+
+    def _take_in(self) -> None:
+        """Take the touch that is over into the level."""
+        self._level += (self._sum / self._windows - self._level) / (self._weight + 1.0)
+        self._weight += 1.0
+        self.touches += 1
+        self.factor = factor_of(self._usual, self._level)
+        self._sum, self._windows = np.zeros_like(self._usual), 0
