@@ -142,3 +142,9 @@ def pour(pour_made_once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setenv("TAXEL_CACHE", str(tmp_path / "cache"))
     (tmp_path / "cups").mkdir()
     return Path(shutil.copy(pour_made_once, tmp_path / "cups" / "pour.mcap"))
+
+
+@pytest.fixture
+def untried_hdf5(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the process that reads HDF5 first: 0.3 s a file, and tested by itself."""
+    monkeypatch.setattr("taxel.foreign.hdf5_file.try_hdf5", lambda path: None)

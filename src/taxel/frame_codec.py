@@ -46,6 +46,7 @@ def encode_jpeg(rgb: NDArray[np.uint8], quality: int = JPEG_QUALITY) -> bytes:
 
     Raises:
         BadInput: It is no such image of uint8.
+        ValueError: The coder refused it, as one too large for the format.
     """
     _check_colour(rgb)
     bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
@@ -103,6 +104,7 @@ def encode_png(rgb: NDArray[np.uint8]) -> bytes:
 
     Raises:
         BadInput: It is no such image of uint8.
+        ValueError: The coder refused it, as one too large for the format.
     """
     _check_colour(rgb)
     bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
@@ -138,6 +140,7 @@ def encode_depth(depth: NDArray[np.uint16]) -> bytes:
 
     Raises:
         BadInput: It is no such image of uint16: in another format depth would be cut to 8 bits.
+        ValueError: The coder refused it.
     """
     if depth.ndim != 2 or depth.dtype != np.uint16 or not depth.size:
         raise BadInput("a depth image of shape (height, width), uint16", _seen(depth),

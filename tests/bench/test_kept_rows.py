@@ -9,13 +9,13 @@ from types import SimpleNamespace
 import pytest
 
 from taxel.bench import rows as kept
-from taxel.bench.rows import Row, store_folder, stored
+from taxel.bench.rows import Row, accuracy_row, store_folder, stored
 from taxel.cli.bench import Bench
 from taxel.errors import BadInput
 
 
 def measured(name: str) -> list[Row]:
-    return [Row(name=name, value=1.0, unit="s", goal="", ok=None)]
+    return [Row(name=name, value=1.0, unit="s")]
 
 
 def broken() -> list[Row]:
@@ -77,3 +77,11 @@ def test_what_is_asked_for_alone_is_printed_alone(
 def test_a_stamp_is_a_command_that_can_be_read(tmp_path: Path):
     (row,) = kept.store("soak", measured("a"), "0" * 64, only="slip's path", folder=tmp_path)
     assert row.stamp.endswith('taxel bench soak --full --only "slip\'s path"')
+
+
+def test_an_accuracy_without_a_goal_is_neither_met_nor_missed():
+    found = accuracy_row("session held out", 0.5, "of 8 grasps")
+
+    assert found == Row(
+        name="session held out", value=0.5, unit="accuracy", goal="", ok=None, note="of 8 grasps"
+    )

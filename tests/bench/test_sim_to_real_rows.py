@@ -54,9 +54,7 @@ def test_each_training_set_has_a_row_and_gains_stand_beside(
     split = split_trials(groups, real.y, "group:object", 2, 0)
     probed = ProbeSet(y=real.y, objects=real.groups, split=split, videos=())
 
-    rows = _feature_rows(
-        probed, "made", _Domains(real, made(0.0, 1), made(0.0, 2, crops=6)), lambda line: None
-    )
+    rows = _feature_rows(probed, "made", _Domains(real, made(0.0, 1), made(0.0, 2, crops=6)))
 
     names = [row.name.removeprefix(f"{sim_to_real.NAME}: made, ") for row in rows]
     assert names == [
@@ -144,7 +142,7 @@ def test_painted_crops_stand_beside_our_own_of_the_same_crops(
         cycle_gan, "painted_rows", lambda *_: {"made": own.rows.reshape(-1, 3, 5)[kept, 1]}
     )
 
-    rows = _painted(study, tmp_path, lambda line: None)
+    rows = _painted(study, tmp_path)
 
     assert [row.name.split(", ")[-1] for row in rows] == ["our images", "CycleGAN"] * 2
     assert rows[0].value == rows[1].value

@@ -18,15 +18,11 @@ from taxel.signals import Frame, Samples
 if importlib.util.find_spec("zenoh") is None:
     pytest.skip("needs eclipse-zenoh: pip install 'taxel[bus]'", allow_module_level=True)
 
+from taxel.bench.real_mosquitto import free_port
 from taxel.bus.addresses import parse_zenoh
 from taxel.bus.batches import Head
 from taxel.bus.zenoh_publisher import Bus
 from taxel.bus.zenoh_reader import BusReader
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return probe.getsockname()[1]
 
 
 def scans(first: int, count: int) -> Samples:

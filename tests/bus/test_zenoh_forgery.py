@@ -2,7 +2,6 @@
 
 import importlib.util
 import json
-import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,17 +14,13 @@ if importlib.util.find_spec("zenoh") is None:
 
 import zenoh
 
+from taxel.bench.real_mosquitto import free_port
 from taxel.bus.addresses import parse_zenoh
 from taxel.bus.batches import JSON, Head
 from taxel.bus.zenoh_publisher import Bus
 from taxel.bus.zenoh_reader import BusReader
 
 STATE = "taxel/bench/state"
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return probe.getsockname()[1]
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taxel.calibration.curves import Curve, Form
+from taxel.calibration.figures_of_merit import quartiles
 from taxel.calibration.fitting import (
     NoCurve,
     band,
@@ -147,3 +148,8 @@ def test_the_mean_error_s_interval_holds_the_mean_and_nothing_measured_is_nan() 
     assert low < mean < high
     assert mean == pytest.approx(0.1 * np.sqrt(2 / np.pi), rel=0.3)
     assert np.isnan(mean_error(np.full(3, np.nan), np.ones(3), rng)).all()
+
+
+def test_quartiles_are_of_what_is_finite_the_median_first() -> None:
+    assert quartiles(np.array([4.0, np.nan, 0.0, 1.0, np.inf, 3.0, 2.0])) == (2.0, 1.0, 3.0)
+    assert np.isnan(quartiles(np.array([np.nan]))).all()

@@ -15,12 +15,7 @@ from taxel.errors import BadFile
 from taxel.foreign.array_files import open_arrays
 from taxel.foreign.held_arrays import Cells, Numbers, Texts, table_of
 
-
-@pytest.fixture(autouse=True)
-def untried(monkeypatch):
-    """Leave out the process that reads HDF5 first: 0.3 s a file, and tested by itself."""
-    monkeypatch.setattr("taxel.foreign.hdf5_file.try_hdf5", lambda path: None)
-
+pytestmark = pytest.mark.usefixtures("untried_hdf5")
 
 KINDS = ["<f4", "<f8", ">f4", "<i2", ">u2", "u1", "<i8", "<f2", "?"]
 NOT_IN_MATLAB_5 = ("<f2", ">f4", ">u2")

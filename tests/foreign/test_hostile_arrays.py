@@ -20,12 +20,7 @@ from taxel.foreign.array_files import open_arrays
 from taxel.foreign.held_arrays import Numbers
 from taxel.recordings.imports.trial_sets import label_texts
 
-
-@pytest.fixture(autouse=True)
-def untried(monkeypatch):
-    """Leave out the process that reads HDF5 first: 0.3 s a file, and tested by itself."""
-    monkeypatch.setattr("taxel.foreign.hdf5_file.try_hdf5", lambda path: None)
-
+pytestmark = pytest.mark.usefixtures("untried_hdf5")
 
 UNSHARED = [HealthCheck.function_scoped_fixture]
 """Examples write over one another's file."""

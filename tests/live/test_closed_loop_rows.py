@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taxel.bench.closed_loop import steps
 from taxel.bench.closed_loop.pours import HARD, UNSEEN
 from taxel.bench.closed_loop.scores import LoopCase
 from taxel.bench.closed_loop.steps import JudgedPour, data_digest, loop_rows
@@ -83,6 +84,12 @@ def test_no_cup_is_both_learned_from_and_judged() -> None:
     assert sum(map(raisable, list_runs(UNSEEN))) >= 200
 
 
-def test_the_digest_is_that_of_the_judged_runs() -> None:
-    assert data_digest(None) == data_digest(None)
-    assert len(data_digest(None)) == 64
+@pytest.mark.parametrize("judged", ["UNSEEN", "HARD"])
+def test_the_digest_is_that_of_the_judged_runs(
+    judged: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = data_digest(None)
+    assert len(before) == 64
+
+    monkeypatch.setattr(steps, judged, replace(getattr(steps, judged), cups=41))
+    assert data_digest(None) != before

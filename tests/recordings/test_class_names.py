@@ -11,11 +11,7 @@ NUMBERS = np.array([0, 2, 1, 1, 0, 2])
 CLASSES = ["cup", "ball", "sponge"]
 EXPECTED = ["cup", "sponge", "ball", "ball", "cup", "sponge"]
 
-
-@pytest.fixture(autouse=True)
-def untried(monkeypatch):
-    """Leave out the process that reads HDF5 first: 0.3 s a file, and tested by itself."""
-    monkeypatch.setattr("taxel.foreign.hdf5_file.try_hdf5", lambda path: None)
+pytestmark = pytest.mark.usefixtures("untried_hdf5")
 
 
 def labels_of(made) -> list[str]:

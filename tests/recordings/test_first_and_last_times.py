@@ -7,7 +7,7 @@ import pytest
 
 from taxel.errors import BadTable
 from taxel.recordings.imports.importing import ImportOptions, import_table
-from taxel.recordings.imports.stray_times import strays_of
+from taxel.recordings.imports.value_tables.stray_times import strays_of
 from taxel.recordings.reader import Recording, read_recording
 
 REFUSE, DROP = ImportOptions(), ImportOptions(garbled_times="drop")

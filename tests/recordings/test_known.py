@@ -10,7 +10,7 @@ import pytest
 from taxel.errors import BadTable
 from taxel.recordings.imports.importing import import_rows
 from taxel.recordings.imports.known import KNOWN, chain_sessions, glove_rows, icub_rows
-from taxel.recordings.imports.layouts import read_icub
+from taxel.recordings.imports.value_tables.layouts import read_icub
 from taxel.recordings.reader import read_recording
 
 DATA = Path(os.environ.get("TAXEL_DATA", Path(__file__).parents[2] / "../shared/data"))

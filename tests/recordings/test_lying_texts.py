@@ -127,8 +127,8 @@ def test_of_each_line_only_numbers_are_kept(tmp_path):
     import tracemalloc
 
     from taxel.recordings.imports.lying_texts import read_lying
-    from taxel.recordings.imports.row_times import REFUSED
-    from taxel.recordings.imports.tables import Column, TimeColumn
+    from taxel.recordings.imports.value_tables.row_times import REFUSED
+    from taxel.recordings.imports.value_tables.tables import Column, TimeColumn
 
     (tmp_path / "a.csv").write_text(("0.25," * 1999 + "0.75\n") * 50)
     tracemalloc.start()

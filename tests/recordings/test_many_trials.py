@@ -17,12 +17,7 @@ from taxel.foreign.npz_file import NpzFile
 from taxel.recordings.imports.importing import import_table
 from taxel.recordings.reader import list_recordings, read_recording
 
-
-@pytest.fixture(autouse=True)
-def untried(monkeypatch):
-    """Leave out the process that reads HDF5 first: 0.3 s a file, and tested by itself."""
-    monkeypatch.setattr("taxel.foreign.hdf5_file.try_hdf5", lambda path: None)
-
+pytestmark = pytest.mark.usefixtures("untried_hdf5")
 
 UNSHARED = [HealthCheck.function_scoped_fixture]
 """Each example clears away its files itself."""

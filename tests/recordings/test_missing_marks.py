@@ -8,7 +8,7 @@ from scipy.io import wavfile
 
 from taxel.cli.main import main
 from taxel.errors import BadTable
-from taxel.recordings.imports.missing_marks import parse_marks, without_marked
+from taxel.recordings.imports.value_tables.missing_marks import parse_marks, without_marked
 from taxel.recordings.reader import read_recording
 from taxel.signals import Validity
 

@@ -8,7 +8,7 @@ import pytest
 from taxel.cli.main import main
 from taxel.errors import BadTable
 from taxel.recordings.imports.importing import ImportOptions, import_table
-from taxel.recordings.imports.stray_times import strays_of
+from taxel.recordings.imports.value_tables.stray_times import strays_of
 from taxel.recordings.reader import read_recording
 
 HEADER = "file,label:object,channels,time\n"

@@ -10,12 +10,7 @@ from stack_imports import HEADER, OBJECTS, OWN, SESSIONS, X, bring, refusal
 
 from taxel.recordings.reader import list_recordings
 
-
-@pytest.fixture(autouse=True)
-def untried(monkeypatch):
-    """Leave out the process that reads HDF5 first: 0.3 s a file, and tested by itself."""
-    monkeypatch.setattr("taxel.foreign.hdf5_file.try_hdf5", lambda path: None)
-
+pytestmark = pytest.mark.usefixtures("untried_hdf5")
 
 UNSHARED = [HealthCheck.function_scoped_fixture]
 """Each example clears away its files itself."""

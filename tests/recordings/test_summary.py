@@ -5,7 +5,7 @@ import pytest
 
 from taxel.errors import BadRecording
 from taxel.recordings.reader import read_recording
-from taxel.recordings.summary import summarise
+from taxel.recordings.summary import recorded_s, summarise
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Validity
 
@@ -55,3 +55,10 @@ def test_a_damaged_recording_gets_no_figures(finished):
     finished.write_bytes(content)
     with pytest.raises(BadRecording, match="taxel recover"):
         summarise(finished)
+
+
+def test_a_recording_lasts_as_long_as_its_array_or_its_longest_camera():
+    cameras = [{"duration_s": 2.0}, {"duration_s": 3.5}]
+
+    assert recorded_s({"duration_s": 1.0, "cameras": cameras}) == 3.5
+    assert recorded_s({"duration_s": 1.0, "cameras": []}) == 1.0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadTable
-from taxel.recordings.imports.tables import parse_columns, parse_time, read_table
+from taxel.recordings.imports.value_tables.tables import parse_columns, parse_time, read_table
 
 WANTED = [[1.5, -2.0], [2.5, 300.0]]
 
@@ -144,7 +144,7 @@ def test_what_has_two_readings_or_none_is_refused_by_its_line(tmp_path, text, wo
 
 def test_signs_must_agree_from_block_to_block(tmp_path, monkeypatch):
     """A long file is read in pieces; points a million rows below commas are refused, too."""
-    monkeypatch.setattr("taxel.recordings.imports.table_columns._BLOCK_CELLS", 6)
+    monkeypatch.setattr("taxel.recordings.imports.value_tables.table_columns._BLOCK_CELLS", 6)
     rows = [f"{n};{n},5;1" for n in range(9)]
     (tmp_path / "a.csv").write_text("\n".join(["t;a;b", *rows]) + "\n")
     assert read(tmp_path / "a.csv").values[:, 0].tolist() == [n + 0.5 for n in range(9)]

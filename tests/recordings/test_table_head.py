@@ -5,7 +5,7 @@ import pytest
 
 from taxel.errors import BadTable
 from taxel.recordings.imports.importing import import_table
-from taxel.recordings.imports.tables import parse_columns, parse_time, read_table
+from taxel.recordings.imports.value_tables.tables import parse_columns, parse_time, read_table
 from taxel.recordings.reader import read_recording
 
 WANTED = [[1.5, -2.0], [2.5, 300.0]]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadTable
-from taxel.recordings.imports.tables import (
+from taxel.recordings.imports.value_tables.tables import (
     Column,
     TimeColumn,
     parse_columns,

@@ -253,7 +253,7 @@ def test_a_capture_process_is_small(images):
     """Neither numpy nor an image library is loaded in it."""
     with cameras(EmulatedCamera(images=images, rate_hz=FAST_HZ)) as source:
         maps = Path(f"/proc/{source._links[0]._process.pid}/maps").read_text()
-        assert "_ctypes" in maps or "python" in maps
+        assert "python" in maps  # what it has loaded can be read
         assert "numpy" not in maps
         assert "cv2" not in maps
 

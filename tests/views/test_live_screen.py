@@ -14,7 +14,7 @@ from taxel.live.outages import Outage
 from taxel.live.rate_watch import RateChange
 from taxel.live.session import Tally
 from taxel.signals import SensorInfo
-from taxel.views.live import LiveView
+from taxel.views.live_screen import LiveView
 
 CLASSES = ("hard", "soft")
 OUTAGE = Outage(1.0, "10% of the values are missing, stale or NaN")

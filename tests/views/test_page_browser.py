@@ -4,18 +4,10 @@ import json
 import time
 
 import pytest
-from chromium import CHROMIUM, WORD, Browser
+from chromium import WORD
 from page_station import STATES, SimStation
 
 from taxel.views.page.server import serve_page
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    if CHROMIUM is None:
-        pytest.skip("chromium is not installed")
-    with Browser(tmp_path_factory.mktemp("chromium")) as opened:
-        yield opened
 
 
 @pytest.fixture

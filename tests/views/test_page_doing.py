@@ -3,7 +3,7 @@
 import time
 
 import pytest
-from chromium import CHROMIUM, WORD, Browser
+from chromium import WORD
 from page_station import SimStation
 
 from taxel.views.page.plan_link import PlanLink
@@ -33,14 +33,6 @@ class Advising(SimStation):
     def react(self, what: str) -> str:
         self.commands.append(what)
         return ""
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    if CHROMIUM is None:
-        pytest.skip("chromium is not installed")
-    with Browser(tmp_path_factory.mktemp("chromium")) as opened:
-        yield opened
 
 
 @pytest.fixture

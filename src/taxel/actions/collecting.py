@@ -185,7 +185,7 @@ def rest(source: Source, driver: HandDriver, waiting: Callable[[], bool]) -> Non
 
 
 def write_currents(
-    path: Path, time_s: list[float], values: list[tuple[int, ...]], rate_hz: float = 100.0
+    path: Path, time_s: list[float], values: list[tuple[int, ...]]
 ) -> dict[str, Any]:
     """Write motor currents as a recording of an array; return its ledger.
 
@@ -193,14 +193,13 @@ def write_currents(
         path: The recording to be; an older one is replaced.
         time_s: Monotonic seconds of each reading, rising.
         values: mA of each motor, a tuple a reading.
-        rate_hz: Readings a second that the board promises, hertz.
     """
     count = len(values[0]) if values else 4
     info = SensorInfo(
         name="motors",
         channels=tuple(f"motor-{number + 1}" for number in range(count)),
         units=("mA",) * count,
-        rate_hz=rate_hz,
+        rate_hz=100.0,  # CURRENT_MS in firmware/hand_control/hand_board.c
     )
     manifest = Manifest.started_now(info, now_s=time_s[0] if time_s else None)
     with Recorder(path, manifest, overwrite=True) as recorder:

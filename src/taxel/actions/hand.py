@@ -99,17 +99,7 @@ class HandController:
     def grip(
         self, fingers: int, closed_permille: int, contact_ma: int, lasts_s: float = 0.2
     ) -> None:
-        """Close fingers until contact, unless this runs out; call it again to refresh it.
-
-        Args:
-            fingers: Bit 0 the first finger.
-            closed_permille: How far, 0 open … 1000 closed, per mille.
-            contact_ma: The current at which the board stops a motor, milliamperes.
-            lasts_s: The board ends the motion after this long, seconds.
-
-        Raises:
-            BadInput: A number does not fit its place on the wire.
-        """
+        """As `Hand.grip`, on the board."""
         lasts_ms = checked_grip(fingers, closed_permille, contact_ma, lasts_s)
         self._link.grip = Grip(fingers, closed_permille, contact_ma, lasts_ms)
         self._worker.put(Command("grip", expires_s=self._clock.now_s() + lasts_s))

@@ -138,7 +138,7 @@ def _rows_of(data: Any, name: str) -> list[Row]:
             return _table_rows(data, stamp + "taxel reproduce table-4-1")
         if isinstance(data, list) and data and {"scans", "gated"} <= set(data[0]):
             share = sum(entry["gated"] for entry in data) / sum(entry["scans"] for entry in data)
-            return [Row(name=ABOVE_GATE, value=share, unit="share", goal="", ok=None,
+            return [Row(name=ABOVE_GATE, value=share, unit="share",
                         note=f"{len(data)} sessions",
                         stamp=stamp + "taxel simulate teng")]  # fmt: skip
         if isinstance(data, list) and data and {"name", "value", "goal"} <= set(data[0]):
@@ -162,7 +162,7 @@ def _table_rows(sections: Sequence[Mapping[str, Any]], stamp: str) -> list[Row]:
         where = section["preset"], section["task"], section["split"]
         best = max(section["trivial"], key=lambda name: section["trivial"][name])
         rows.append(Row(name=table_row(*where, *TRIVIAL), value=section["trivial"][best],
-                        unit="of 1", goal="", ok=None, note=best, stamp=stamp))  # fmt: skip
+                        unit="of 1", note=best, stamp=stamp))  # fmt: skip
         for model, column in section["columns"].items():
             values = dict(column["rows"]) | {
                 "all sessions tested once": column["pooled"]["scores"]["accuracy"]
@@ -175,7 +175,7 @@ def _table_rows(sections: Sequence[Mapping[str, Any]], stamp: str) -> list[Row]:
                 has_interval = row == "all sessions tested once" and low is not None
                 note = f"95 % by session {low:.3f} … {high:.3f}" if has_interval else ""
                 rows.append(Row(name=table_row(*where, model, row), value=value, unit=unit,
-                                goal="", ok=None, note=note, stamp=stamp))  # fmt: skip
+                                note=note, stamp=stamp))  # fmt: skip
     return rows
 
 
@@ -190,13 +190,13 @@ def _transition_rows(data: Mapping[str, Any], stamp: str) -> list[Row]:
             if scores is not None:
                 low, high = scores["interval"]
                 rows.append(Row(name=grasp_row(row["plan"]["model"], row["plan"]["frames"], what),
-                                value=scores["accuracy"], unit="accuracy", goal="", ok=None,
+                                value=scores["accuracy"], unit="accuracy",
                                 note=f"95 % {low:.3f} … {high:.3f}; rule {data['rule']}; weights "
                                 f"{row['weights']} {row.get('origin', '')}".rstrip() + ran + seen,
                                 stamp=stamp))  # fmt: skip
     for step in data["steps"]:
         rows.append(Row(name=grasp_row(step["model"], step["frames"], STEP),
-                        value=step["stream_ms"], unit="ms", goal="", ok=None,
+                        value=step["stream_ms"], unit="ms",
                         note=f"{step['engine']}, {step['threads']} thread(s){_limit(step)}",
                         stamp=stamp))  # fmt: skip
     return rows

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from taxel.bench.rows import Row, stored
+from taxel.bench.rows import Row, short, stored
 from taxel.bench.scale.plan import plan_lines
 from taxel.recordings.whole import write_whole
 
@@ -79,15 +79,11 @@ def _table(rows: Sequence[Row]) -> list[str]:
 
 
 def _figure(row: Row) -> str:
-    value = "–" if row.value is None else _short(row.value)
+    value = "–" if row.value is None else short(row.value)
     verdict = {True: "met", False: "**missed**", None: ""}[row.ok]
     goal = row.goal.replace("<=", "≤").replace(">=", "≥")
     cells = (row.name, value, row.unit, goal, verdict, row.note)
     return f"| {' | '.join(map(_cell, cells))} |"
-
-
-def _short(value: float) -> str:
-    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
 def _stamps(rows: Sequence[Row]) -> list[str]:

@@ -41,7 +41,8 @@ class Mosquitto:
         """Start it, and wait until it listens.
 
         Raises:
-            TimeoutError: It does not.
+            BadInput: There is no mosquitto on this machine.
+            TimeoutError: It does not listen in time.
         """
         if MOSQUITTO is None:
             raise BadInput("mosquitto", "none", "run: apt-get install mosquitto")

@@ -50,9 +50,9 @@ class Row:
     value: float | None
     """None where it could not be measured; the note says why."""
     unit: str
-    goal: str
+    goal: str = ""
     """Such as "<= 90", ">= 0.96" or "0.72 … 0.82"; empty where there is none."""
-    ok: bool | None
+    ok: bool | None = None
     """None where there is no goal, or no value."""
     note: str = ""
     """What a reader must know."""
@@ -68,6 +68,11 @@ def row(name: str, value: float, unit: str, side: Side, limit: float, note: str 
     value = float(value)  # of NumPy's numbers JSON takes none
     ok = value <= limit if side == "<=" else value >= limit
     return Row(name=name, value=value, unit=unit, goal=f"{side} {limit:g}", ok=ok, note=note)
+
+
+def accuracy_row(name: str, value: float, note: str = "") -> Row:
+    """Return an accuracy of 0…1 as a row without a goal; its name says the split."""
+    return Row(name=name, value=value, unit="accuracy", note=note)
 
 
 def quietest(name: str, rounds: Sequence[float], unit: str, limit: float, note: str = "") -> Row:
@@ -150,13 +155,14 @@ def rows_table(rows: list[Row]) -> Table:
         table.add_column(column, justify="right" if column == "value" else "left")
     for row in rows:
         mark = {True: Text("met", "green"), False: Text("missed", "red"), None: Text("–")}[row.ok]
-        value = "–" if row.value is None else _short(row.value)
+        value = "–" if row.value is None else short(row.value)
         note = " · ".join(part for part in (row.note, row.stamp) if part)
         table.add_row(visible_line(row.name), value, row.unit, row.goal, mark, visible_line(note))
     return table
 
 
-def _short(value: float) -> str:
+def short(value: float) -> str:
+    """Return a figure as tables show it: whole from 1000 on, else to four digits."""
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 

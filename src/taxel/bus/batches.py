@@ -20,7 +20,6 @@ Background of our choices: docs/decisions/0052.
 from __future__ import annotations
 
 import json
-import math
 import re
 import struct
 import zlib
@@ -28,6 +27,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taxel.live.station.packets import Packet, pack, unpack
+from taxel.plain_text import finite
 from taxel.signals import Frame, Samples
 
 BATCH_S = 0.010
@@ -114,12 +114,4 @@ def json_bytes(value: dict[str, Any]) -> bytes:
     try:
         return json.dumps(value, allow_nan=False, separators=(",", ":")).encode()
     except ValueError:
-        return json.dumps(_finite(value), allow_nan=False, separators=(",", ":")).encode()
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+        return json.dumps(finite(value), allow_nan=False, separators=(",", ":")).encode()

@@ -38,7 +38,7 @@ class RestLine:
     """Its 95 % interval; NaN where it is not known."""
 
     def at(self, time_s: NDArray[np.float64] | float) -> NDArray[np.float64]:
-        """Return the baseline at these moments, in the channel's unit."""
+        """Return the baseline at moments in seconds, in the channel's unit; shape as `time_s`."""
         return np.asarray(self.level + self.per_hour * (np.asarray(time_s) - self.at_s) / 3600.0)
 
 

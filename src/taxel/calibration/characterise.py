@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from taxel.calibration.figures_of_merit import (
     Uniformity,
     ghosts,
     hysteresis,
+    quartiles,
     repeatability_v,
     uniformity,
     usable_range,
@@ -39,7 +41,6 @@ from taxel.calibration.responses import Measure, Responses, measure_responses
 from taxel.calibration.results import (
     Array,
     Characterisation,
-    Interval,
     PressedRecording,
     SensorResult,
 )
@@ -120,60 +121,70 @@ def _sensor(
     channel: int,
     rng: np.random.Generator,
 ) -> SensorResult:
+    """Return what one sensor's presses say; NaN and empty where only a curve could say it."""
     curve, why = None, presses.too_few
-    force_n, volts = presses.force_n, presses.volts
+    force_n, volts, nan = presses.force_n, presses.volts, math.nan
     if not why:
         try:
             curve = fit_curve(form, force_n, volts)
         except NoCurve as error:
             why = str(error)
     grid = np.linspace(0.0, float(force_n.max()), _GRID) if len(force_n) else np.zeros(0)
-    nothing = np.full(len(grid), np.nan)
-    spread_v = math.nan
-    if curve is not None:
-        freedom = max(len(volts) - len(curve.parameters), 1)
-        spread_v = math.sqrt(float(np.sum((volts - curve.volts(force_n)) ** 2)) / freedom)
-    noise = measure_noise(
-        taken.samples.values[:, channel], measured.smooth[:, channel], measured.blocks[channel],
-        taken.rate_hz,
-    )  # fmt: skip
-    range_n = (math.nan, math.nan)
-    if curve is not None:
-        range_n = usable_range(
-            curve, noise.told_rms_v, spread_v, float(force_n.min()), float(force_n.max())
-        )
-    held = () if curve is None else held_out(presses, form, range_n[1])
-    nan = math.nan
-    return SensorResult(
+    nothing = np.full(len(grid), nan)
+    result = SensorResult(
         channel=name,
         curve=curve,
         why_none=why,
         force_n=force_n,
         volts=volts,
         rising=presses.rising,
-        held_out=held,
+        held_out=(),
         saturated=int((np.isfinite(presses.all_volts) & ~presses.good).sum()),
         unusable=int((~np.isfinite(presses.all_volts)).sum()),
-        r2=nan if curve is None else r_squared(curve, force_n, volts),
+        r2=nan,
         grid_n=grid,
-        band_v=(nothing, nothing) if curve is None else band(curve, force_n, volts, grid, rng),
-        hysteresis=(
-            Hysteresis(mean_pct=nan, low_pct=nan, high_pct=nan, largest_pct=nan)
-            if curve is None
-            else hysteresis(curve, force_n, volts, presses.rising, rng)
+        band_v=(nothing, nothing),
+        hysteresis=Hysteresis(mean_pct=nan, low_pct=nan, high_pct=nan, largest_pct=nan),
+        repeatability_v=nan,
+        spread_v=nan,
+        sensitivity=(),
+        smallest_n=nan,
+        largest_n=nan,
+        rise_s=quartiles(presses.rise_s),
+        fall_s=quartiles(presses.fall_s),
+        recovery_s=quartiles(presses.recovery_s),
+        noise=measure_noise(
+            taken.samples.values[:, channel], measured.smooth[:, channel],
+            measured.blocks[channel], taken.rate_hz,
         ),
-        repeatability_v=(
-            nan if curve is None else repeatability_v(curve, force_n, volts, presses.rising)
-        ),
-        spread_v=spread_v,
-        sensitivity=() if curve is None else _sensitivity(curve, force_n),
-        smallest_n=range_n[0],
-        largest_n=range_n[1],
-        rise_s=_quartiles(presses.rise_s),
-        fall_s=_quartiles(presses.fall_s),
-        recovery_s=_quartiles(presses.recovery_s),
-        noise=noise,
         rest=measured.lines[channel],
+        errors=(),
+    )  # fmt: skip
+    return result if curve is None else _with_curve(result, curve, form, presses, rng)
+
+
+def _with_curve(
+    result: SensorResult, curve: Curve, form: Form, presses: PressTable, rng: np.random.Generator
+) -> SensorResult:
+    """Return a sensor's result with all that its curve says."""
+    force_n, volts = presses.force_n, presses.volts
+    freedom = max(len(volts) - len(curve.parameters), 1)
+    spread_v = math.sqrt(float(np.sum((volts - curve.volts(force_n)) ** 2)) / freedom)
+    smallest_n, largest_n = usable_range(
+        curve, result.noise.told_rms_v, spread_v, float(force_n.min()), float(force_n.max())
+    )
+    held = held_out(presses, form, largest_n)
+    return replace(
+        result,
+        held_out=held,
+        r2=r_squared(curve, force_n, volts),
+        band_v=band(curve, force_n, volts, result.grid_n, rng),
+        hysteresis=hysteresis(curve, force_n, volts, presses.rising, rng),
+        repeatability_v=repeatability_v(curve, force_n, volts, presses.rising),
+        spread_v=spread_v,
+        sensitivity=_sensitivity(curve, force_n),
+        smallest_n=smallest_n,
+        largest_n=largest_n,
         errors=errors_of(held, rng),
     )
 
@@ -182,14 +193,6 @@ def _sensitivity(curve: Curve, force_n: Array) -> tuple[tuple[float, float], ...
     low, high = float(force_n.min()), float(force_n.max())
     at = (low, math.sqrt(low * high), high)
     return tuple((force, float(curve.slope_v_per_n(force))) for force in at)
-
-
-def _quartiles(values: Array) -> Interval:
-    known = values[np.isfinite(values)]
-    if len(known) == 0:
-        return math.nan, math.nan, math.nan
-    low, middle, high = np.percentile(known, [25, 50, 75])
-    return float(middle), float(low), float(high)
 
 
 def _at_one_force(sensors: Sequence[SensorResult], sensor: SensorInfo) -> Uniformity:

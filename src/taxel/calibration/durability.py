@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.calibration.figures_of_merit import Interval, quartiles
 from taxel.calibration.taps import Tap
 
 STATED_FOR = 10_000
@@ -28,8 +29,6 @@ _STEADY = 1.5
 _OCTAVE_PARTS = 2
 """Rates are put together by half octaves. Our choice, docs/decisions/0047."""
 
-Interval = tuple[float, float, float]
-"""Value, lower and upper end of its 95 % interval, or median and quartiles."""
 Array = NDArray[np.float64]
 
 
@@ -92,8 +91,8 @@ def durability_of(channel: str, taps: Sequence[Tap]) -> Durability:
         first=first,
         last=last,
         lost=lost,
-        response_s=_quartiles(np.array([taps[i].response_s for i in chosen])),
-        recovery_s=_quartiles(np.array([taps[i].recovery_s for i in chosen])),
+        response_s=quartiles(np.array([taps[i].response_s for i in chosen])),
+        recovery_s=quartiles(np.array([taps[i].recovery_s for i in chosen])),
         by_rate=tuple(
             AtRate(tap_hz=float(rate_hz[at].mean()), taps=len(at), height=_mean(height[at]))
             for _, at in rows
@@ -142,11 +141,3 @@ def _trend(number: Array, height: Array) -> tuple[float, float, Interval]:
 def _mean(values: Array) -> Interval:
     middle, error = float(values.mean()), float(values.std(ddof=1)) / math.sqrt(len(values))
     return middle, middle - 1.96 * error, middle + 1.96 * error
-
-
-def _quartiles(values: Array) -> Interval:
-    known = values[np.isfinite(values)]
-    if not len(known):
-        return math.nan, math.nan, math.nan
-    low, middle, high = np.percentile(known, [25, 50, 75])
-    return float(middle), float(low), float(high)

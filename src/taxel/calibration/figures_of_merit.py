@@ -32,6 +32,8 @@ REFERENCE_SHARE = 0.01
 GHOST_SHARE = 0.005
 """Ghosts surely above this share of the pressed sensor are named. Our choice."""
 
+Interval = tuple[float, float, float]
+"""Value, lower and upper end of its 95 % interval, or median and quartiles."""
 Array = NDArray[np.float64]
 
 
@@ -87,9 +89,28 @@ def _means(values: Array, rng: np.random.Generator) -> Array:
     return np.asarray(values[rng.integers(0, len(values), (DRAWS, len(values)))].mean(axis=1))
 
 
+def quartiles(values: Array) -> Interval:
+    """Return median, lower and upper quartile; NaN where no value is finite.
+
+    Args:
+        values: Shape (n,); those that are not finite are left out.
+    """
+    known = values[np.isfinite(values)]
+    if len(known) == 0:
+        return math.nan, math.nan, math.nan
+    low, middle, high = np.percentile(known, [25, 50, 75])
+    return float(middle), float(low), float(high)
+
+
 def repeatability_v(curve: Curve, force_n: Array, volts: Array, rising: NDArray[np.bool_]) -> float:
     """Return the standard deviation of equal presses, volts: about the mean of their force
     and direction; NaN where no press was repeated.
+
+    Args:
+        curve: What the presses should give.
+        force_n: Shape (presses,).
+        volts: Shape (presses,).
+        rising: Shape (presses,): in a rising series or a falling one.
     """
     off = volts - curve.volts(force_n)
     cells = bands_of(force_n) * 2 + rising

@@ -235,7 +235,7 @@ class HeldOut:
     """What a straight line through the other presses says: the trivial baseline."""
 
     def only(self, mask: NDArray[np.bool_]) -> HeldOut:
-        """Return some of the presses."""
+        """Return some of the presses; `mask` has the shape (presses,)."""
         return HeldOut(
             force_n=self.force_n[mask], curve_n=self.curve_n[mask], line_n=self.line_n[mask]
         )
@@ -268,6 +268,12 @@ def bands_of(force_n: Forces) -> NDArray[np.int64]:
     """Return which band of like forces each press belongs to, from 0, at most `BANDS`.
 
     Forces that lie within 10 % of the one before them share a band.
+
+    Args:
+        force_n: Shape (presses,), at least one.
+
+    Returns:
+        Shape (presses,).
     """
     order = np.argsort(force_n, kind="stable")
     ranked = force_n[order]

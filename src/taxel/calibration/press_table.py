@@ -65,8 +65,10 @@ class PressTable:
 
     @property
     def good(self) -> NDArray[np.bool_]:
-        """Presses of one sensor to fit on. From the force on at which the converter is at its
-        end in a tenth of the presses, all are left out: those below the end would be the weak ones.
+        """Presses of one sensor to fit on, shape (presses,).
+
+        From the force on at which the converter is at its end in a tenth of the presses, all are
+        left out: those below the end would be the weak ones.
         """
         good = np.asarray(~self.saturated & np.isfinite(self.all_volts))
         if not self.saturated.any():
@@ -80,7 +82,7 @@ class PressTable:
 
     @property
     def force_n(self) -> Array:
-        """Forces of presses to fit on, newtons."""
+        """Forces of the presses to fit on, newtons, shape (good presses,), as the three below."""
         return np.asarray(self.all_force_n[self.good])
 
     @property
@@ -113,7 +115,7 @@ class PressTable:
         return what + (f", {at_end} at the converter's end" if at_end else "")
 
     def splits(self) -> list[tuple[str, NDArray[np.int64]]]:
-        """Return how presses are held out: name → each press's fold."""
+        """Return how the good presses are held out: name → folds, shape (good presses,)."""
         ways = []
         if len(np.unique(self.rounds)) > 1:
             ways.append(("whole rounds", self.rounds))

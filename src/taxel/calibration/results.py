@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 
 from taxel.calibration.baseline import Noise, RestLine
 from taxel.calibration.curves import Curve, Form
-from taxel.calibration.figures_of_merit import Ghosts, Hysteresis, Uniformity
+from taxel.calibration.figures_of_merit import Ghosts, Hysteresis, Interval, Uniformity
 from taxel.calibration.fitting import HeldOut
 from taxel.calibration.presses import Script
 from taxel.calibration.responses import Measure
 from taxel.signals import Samples, SensorInfo
 
 Array = NDArray[np.float64]
-Interval = tuple[float, float, float]
-"""Value, lower and upper end of its 95 % interval."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import tyro
 
@@ -15,6 +16,9 @@ from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
 from taxel.recordings.whole import check_place
+
+if TYPE_CHECKING:
+    from taxel.bench.rows import Row
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,45 +66,20 @@ class Bench:
 
     def run(self) -> None:
         """Measure and print."""
-        from taxel.bench.rows import measure, rows_table, store, store_folder, stored
+        from taxel.bench.rows import rows_table, store_folder
 
         if self.name is None:
             self._write_figures()
             return
-        if self.page is not None and (self.name != "faults" or self.only):
-            raise BadInput(
-                "--page alone, or with `faults` and all of its rows",
-                f"--page with `{self.name}`{' and --only' if self.only else ''}",
-                "leave --page out, or measure all faults",
-            )
-        if self.page is not None:
-            check_place(self.page)
+        self._check_page(self.name)
         bench = import_module(f"taxel.bench.{self.name.replace('-', '_')}.steps")
         folder = store_folder(self.store) if self.full else None
         with self.work.open(), progress() as bar:
             task = bar.add_task("starting", total=None)
-
-            def on_step(line: str) -> None:
-                bar.update(task, description=line, advance=1)
-
-            quick = self._chosen(bench.quick_steps())
-            slow = self._chosen(bench.full_steps(self.data)) if self.full else []
-            if self.only and not quick + slow:
-                raise BadInput("a measurement's name for --only", repr(self.only), _named(bench))
-            rows = measure(quick, on_step)
-            measured = {row.name for row in rows}
-            if self.full:
-                digest = bench.data_digest(self.data)
-                for step in slow:  # each kept at once: a broken run loses one at most
-                    found = measure([step], on_step)
-                    store(self.name, found, digest, only=step[0], folder=folder)
-                    rows += found
-                measured = {row.name for row in rows}
-                rows = store(self.name, rows, digest, only=self.only, folder=folder)
-            else:
-                rows += [row for row in stored(self.name) if row.name not in measured]
-            if self.only:
-                rows = [row for row in rows if row.name in measured]
+            rows = self._measured(
+                self.name, bench, folder,
+                lambda line: bar.update(task, description=line, advance=1),
+            )  # fmt: skip
         if self.page is not None:
             from taxel.bench.faults.page import write_fault_page
 
@@ -109,6 +88,42 @@ class Bench:
             print_json([asdict(row) for row in rows])
         else:
             console.print(rows_table(rows))
+
+    def _check_page(self, name: str) -> None:
+        """Refuse a page that cannot be written, before anything is measured."""
+        if self.page is None:
+            return
+        if name != "faults" or self.only:
+            raise BadInput(
+                "--page alone, or with `faults` and all of its rows",
+                f"--page with `{name}`{' and --only' if self.only else ''}",
+                "leave --page out, or measure all faults",
+            )
+        check_place(self.page)
+
+    def _measured(
+        self, name: str, bench: ModuleType, folder: Path | None, on_step: Callable[[str], None]
+    ) -> list[Row]:
+        """Return the rows, measured now or stored; with --full all that are measured are kept."""
+        from taxel.bench.rows import measure, store, stored
+
+        quick = self._chosen(bench.quick_steps())
+        slow = self._chosen(bench.full_steps(self.data)) if self.full else []
+        if self.only and not quick + slow:
+            raise BadInput("a measurement's name for --only", repr(self.only), _named(bench))
+        rows = measure(quick, on_step)
+        if self.full:
+            digest = bench.data_digest(self.data)
+            for step in slow:  # each kept at once: a broken run loses one at most
+                found = measure([step], on_step)
+                store(name, found, digest, only=step[0], folder=folder)
+                rows += found
+            measured = {row.name for row in rows}
+            rows = store(name, rows, digest, only=self.only, folder=folder)
+        else:
+            measured = {row.name for row in rows}
+            rows += [row for row in stored(name) if row.name not in measured]
+        return [row for row in rows if row.name in measured] if self.only else rows
 
     def _write_figures(self) -> None:
         from taxel.bench.figure_page import write_figure_page

@@ -92,15 +92,12 @@ class BundleScores:
     notes: tuple[str, ...]
 
 
-def score_bundle(
-    bundle: Bundle, folder: Path, config: RecogniseConfig | None = None, folds: Path | None = None
-) -> BundleScores:
+def score_bundle(bundle: Bundle, folder: Path, folds: Path | None = None) -> BundleScores:
     """Score a bundle on all labelled recordings of a folder, or on one.
 
     Args:
         bundle: An open bundle of an array recogniser.
         folder: Recordings with the bundle's label.
-        config: When an answer may be given.
         folds: A table of folds with one test part: only its trials are scored.
 
     Raises:
@@ -117,7 +114,7 @@ def score_bundle(
     if table is not None:
         dataset = _test_part(dataset, table, folder, contract.learned)
     dataset = only_labelled(dataset, contract.target, folder, f"{LABEL_THEM}; or score others")
-    decisions = _decisions(bundle, dataset.windows, config or RecogniseConfig())
+    decisions = _decisions(bundle, dataset.windows, RecogniseConfig())
     return _scores(bundle, dataset, decisions, None if table is None else table.split)
 
 

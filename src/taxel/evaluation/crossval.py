@@ -6,7 +6,7 @@ tables or pages.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -58,7 +58,6 @@ def run_fold(
     *,
     training: Dataset | None = None,
     watch: bool = False,
-    on_epoch: Callable[[Epoch], None] | None = None,
 ) -> FoldResult:
     """Fit on a fold's training part and predict its test part.
 
@@ -69,7 +68,6 @@ def run_fold(
         training: The same trials cut with a shorter stride; needs a `TrialFold`.
         watch: Look at some test windows after each epoch, for a curve: nothing is chosen by them,
             and the last epoch's network is kept, whatever they say.
-        on_epoch: Called after each epoch.
 
     Raises:
         BadDataset: A trial lacks the label.
@@ -96,7 +94,6 @@ def run_fold(
         job,
         steps=dataset.config.steps,
         validation=_watched(dataset, fold, y, test if watch else None),
-        on_epoch=on_epoch,
     )
     probabilities = fitted.probabilities(dataset.windows.values[test], dataset.windows.mask[test])
     return FoldResult(

@@ -33,7 +33,7 @@ from typing import Literal
 from taxel.errors import BadFile, BadSplit, BadTable
 from taxel.evaluation.splits import TrialFold
 from taxel.foreign.text_lines import lines_of
-from taxel.recordings.imports.table_columns import LARGEST_LIST
+from taxel.recordings.imports.value_tables.table_columns import LARGEST_LIST
 from taxel.recordings.whole import write_whole
 
 Side = Literal["train", "validation", "test", "unused"]

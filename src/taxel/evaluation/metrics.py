@@ -91,7 +91,12 @@ def near_chance(balanced: float, classes: int) -> bool:
 
 
 def cross_entropy(y: NDArray[np.intp], probabilities: NDArray[np.float64]) -> float:
-    """Return the mean cross-entropy in nats."""
+    """Return the mean cross-entropy, nats.
+
+    Args:
+        y: True class numbers, shape (n,).
+        probabilities: Shape (n, classes), 0…1; below `LEAST_PROBABILITY` they count as that.
+    """
     likely = np.maximum(probabilities[np.arange(len(y)), y], LEAST_PROBABILITY)
     return float(-np.log(likely).mean())
 

@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 
 def area(y: NDArray[np.intp], probabilities: NDArray[np.float64]) -> float:
-    """Return the area under the ROC curve, one class against the rest; NaN where one is absent."""
+    """Return the area under the ROC curve, one class against the rest; NaN where one is absent.
+
+    Args:
+        y: True class numbers, shape (n,).
+        probabilities: Shape (n, classes); of more than two classes the areas' mean is taken.
+    """
     classes = probabilities.shape[1]
     if len(np.unique(y)) < classes:
         return float("nan")

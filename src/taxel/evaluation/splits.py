@@ -61,22 +61,22 @@ class TrialFold:
 
     @property
     def train_rows(self) -> NDArray[np.intp]:
-        """Indices of the training trials, ascending."""
+        """Indices of the training trials, ascending, shape (trials,)."""
         return np.array(sorted(self.train), np.intp)
 
     @property
     def test_rows(self) -> NDArray[np.intp]:
-        """Indices of the test trials, ascending."""
+        """Indices of the test trials, ascending, shape (trials,)."""
         return np.array(sorted(self.test), np.intp)
 
     def windows(self, dataset: Dataset) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the training and the test windows' indices."""
+        """Return the training and the test windows' indices, ascending, shape (windows,) each."""
         train = np.isin(dataset.trial, sorted(self.train))
         test = np.isin(dataset.trial, sorted(self.test))
         return np.flatnonzero(train), np.flatnonzero(test)
 
     def validation_windows(self, dataset: Dataset) -> NDArray[np.intp]:
-        """Return the indices of the windows to choose by."""
+        """Return the indices of the windows to choose by, ascending, shape (windows,)."""
         return np.flatnonzero(np.isin(dataset.trial, sorted(self.validation)))
 
 
@@ -91,7 +91,7 @@ class WindowFold:
     """Indices into the data set's windows."""
 
     def windows(self, dataset: Dataset) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the training and the test windows' indices.
+        """Return the training and the test windows' indices, shape (windows,) each.
 
         Raises:
             BadSplit: The windows overlap, so that one value would stand on both sides.

@@ -125,15 +125,14 @@ def refuse_packing(info: zipfile.ZipInfo) -> None:
         )  # fmt: skip
 
 
-def read_arrays(
-    path: Path, names: Collection[str], kinds: str = "biufU"
-) -> dict[str, NDArray[Any]]:
+def read_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
     """Return those of the named arrays that a .npz file holds, to be changed if need be.
+
+    Numbers, truth values and texts are taken.
 
     Args:
         path: The file, as np.savez writes it.
         names: Names of arrays.
-        kinds: NumPy's letters for the kinds that are taken.
 
     Raises:
         BadFile: It is no whole archive, too large, or packs too well.
@@ -143,7 +142,7 @@ def read_arrays(
         refuse_larger(path, size_of(file), LARGEST_ARRAYS)
         wanted = {f"{name}.npy": LARGEST_ARRAYS for name in names}
         found = read_members(file, wanted, _MOST_PACKED)
-    return {name.removesuffix(".npy"): array_of(content, kinds).copy()
+    return {name.removesuffix(".npy"): array_of(content, "biufU").copy()
             for name, content in found.items()}  # fmt: skip
 
 

@@ -19,6 +19,8 @@ from taxel.plain_text import number_of
 
 MOST_NAMES = 100_000
 """Arrays in one file, and texts or cells in one array. Source: our choice."""
+_MOST_SHOWN = 8
+"""Arrays that a message names. Source: our choice."""
 LONGEST_TEXT = 4096
 """Characters of a text in an array. Source: our choice."""
 
@@ -103,11 +105,11 @@ def bytes_of(shape: Sequence[int], dtype: np.dtype[Any]) -> int:
     return math.prod(shape) * dtype.itemsize
 
 
-def table_of(file: ArrayFile, most: int = 8) -> str:
+def table_of(file: ArrayFile) -> str:
     """Return what a file holds, in words: X (600 × 50 × 16 float32), y (600 int64)."""
     names = list(file.names())
-    shown = [f"{name or 'an array'} ({_word(file, name)})" for name in names[:most]]
-    more = f" and {len(names) - most} more" if len(names) > most else ""
+    shown = [f"{name or 'an array'} ({_word(file, name)})" for name in names[:_MOST_SHOWN]]
+    more = f" and {len(names) - _MOST_SHOWN} more" if len(names) > _MOST_SHOWN else ""
     return (", ".join(shown) or "no array") + more
 
 

@@ -105,13 +105,13 @@ class ContactFinder:
         return self.mask_of(self.change(rgb))
 
     def mask_of(self, change: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Return `mask` for what `change` has returned."""
+        """Return `mask` for what `change` has returned, shape (height, width) of a frame."""
         height, width = self._shape[:2]
         whole = cv2.resize(_touched(change), (width, height), interpolation=cv2.INTER_LINEAR)
         return np.asarray(whole > 0)
 
     def at_work(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return a mask at the size of `change`."""
+        """Return a mask of a frame, shape (height, width), at the size of `change`."""
         small = cv2.resize(mask.astype(np.uint8), self._size, interpolation=cv2.INTER_NEAREST)
         return np.asarray(small > 0)
 

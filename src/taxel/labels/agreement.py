@@ -23,6 +23,9 @@ def onset_s(labels: Labels, time_s: NDArray[np.float64]) -> float | None:
     Args:
         labels: Shape (n,): 0 stable, 1 unstable.
         time_s: Shape (n,), seconds.
+
+    Raises:
+        BadInput: There are not as many times as labels.
     """
     if len(labels) != len(time_s):
         raise BadInput("one time a label", f"{len(time_s)} for {len(labels)}", "give both alike")
@@ -32,6 +35,10 @@ def onset_s(labels: Labels, time_s: NDArray[np.float64]) -> float | None:
 
 def cohens_kappa(first: Labels, second: Labels) -> float:
     """Return agreement beyond chance, at most 1; NaN where both rules say one thing only.
+
+    Args:
+        first: One rule's labels, shape (n,): 0 stable, 1 unstable.
+        second: The other's of the same frames, shape (n,).
 
     Source: Cohen, Educational and Psychological Measurement 20 (1960) 37.
     """

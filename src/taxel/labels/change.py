@@ -231,6 +231,10 @@ def debounced(flags: NDArray[np.bool_], least: int) -> NDArray[np.bool_]:
 
     Short stretches of True go first, then short gaps between the remaining ones;
     what touches an end of the array as False stays.
+
+    Args:
+        flags: One a frame, shape (n,).
+        least: Frames that a stretch must have.
     """
     kept = flags.copy()
     for start, stop in _runs(flags):
@@ -254,6 +258,9 @@ def normalised_blocks(rgb: NDArray[np.uint8], block_px: int) -> NDArray[np.float
 
     Returns:
         Shape (height // block_px, width // block_px, 3).
+
+    Raises:
+        BadInput: The frame is smaller than a block.
     """
     rows, columns = rgb.shape[0] // block_px, rgb.shape[1] // block_px
     if rows == 0 or columns == 0:

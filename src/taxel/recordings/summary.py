@@ -27,7 +27,8 @@ def summarise(path: Path) -> dict[str, Any]:
         channels (a list of name, unit, min, mean, max over usable values, and
         the shares 0 to 1 of saturated and unusable ones); marks_by_label
         ({label name: {label: count}}) and marks_by_group, of the groups that marks
-        give, alike; check_sums, always "hold".
+        give, alike; cameras (a list of name, width, height and the ledger of
+        `FrameTally`); check_sums, always "hold".
 
     Raises:
         BadRecording: It is missing, no recording of taxel's, cut short, or damaged.
@@ -63,6 +64,15 @@ def summarise(path: Path) -> dict[str, Any]:
             for c, ledger in zip(manifest.cameras, cameras, strict=True)
         ],
     }
+
+
+def recorded_s(summary: dict[str, Any]) -> float:
+    """Return how long the array or the longest camera was recorded, seconds.
+
+    Args:
+        summary: As `summarise` gives it.
+    """
+    return max(float(entry["duration_s"]) for entry in (summary, *summary["cameras"]))
 
 
 def _described(manifest: Manifest) -> dict[str, Any]:

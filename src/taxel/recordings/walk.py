@@ -150,23 +150,12 @@ def _records(file: BinaryIO, path: Path) -> Iterator[Record]:
         )
     crc, summary_crc, in_summary = zlib.crc32(MAGIC), 0, False
     while True:
-        head = file.read(RECORD_HEAD.size)
-        if len(head) < RECORD_HEAD.size:
-            raise Damaged("it ends before its end")
-        opcode, length = RECORD_HEAD.unpack(head)
-        if length > size - file.tell():
-            raise Damaged("it is cut short or a length is wrong")
-        if opcode == 0:
-            raise Damaged("a record is of no kind")
-        if opcode in _KEPT or opcode == Opcode.FOOTER:
-            if length > _KEPT.get(opcode, _BLOCK):
-                raise Damaged(f"a record of {length:,} bytes is larger than such records are")
-            parts = iter((file.read(length),))
-        else:  # passed over: only its check sum counts
-            parts = _blocks(file, length)
+        head, opcode, length = _read_head(file, size)
         if opcode == Opcode.FOOTER:
-            _check_foot(file, summary_crc, head, next(parts))
+            _check_foot(file, summary_crc, head, file.read(length))
             return
+        # What is passed over is read in blocks: only its check sum counts.
+        parts = iter((file.read(length),)) if opcode in _KEPT else _blocks(file, length)
         if opcode == Opcode.DATA_END and not in_summary:
             in_summary, payload = True, b"".join(parts)
             if length != 4 or int.from_bytes(payload, "little") not in (0, crc):
@@ -180,6 +169,21 @@ def _records(file: BinaryIO, path: Path) -> Iterator[Record]:
             for payload in parts:
                 crc = zlib.crc32(payload, crc)
             yield Record(opcode, length, payload if opcode in _KEPT else b"")
+
+
+def _read_head(file: BinaryIO, size: int) -> tuple[bytes, int, int]:
+    """Return the next record's head, kind and length, which the file can hold."""
+    head = file.read(RECORD_HEAD.size)
+    if len(head) < RECORD_HEAD.size:
+        raise Damaged("it ends before its end")
+    opcode, length = RECORD_HEAD.unpack(head)
+    if length > size - file.tell():
+        raise Damaged("it is cut short or a length is wrong")
+    if opcode == 0:
+        raise Damaged("a record is of no kind")
+    if (opcode in _KEPT or opcode == Opcode.FOOTER) and length > _KEPT.get(opcode, _BLOCK):
+        raise Damaged(f"a record of {length:,} bytes is larger than such records are")
+    return head, opcode, length
 
 
 def _blocks(file: BinaryIO, length: int) -> Iterator[bytes]:

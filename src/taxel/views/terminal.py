@@ -119,7 +119,7 @@ def hand_fingers(channels: Sequence[str]) -> list[str] | None:
 
 
 def share_of(values: NDArray[np.float32], low: Scale, high: Scale) -> NDArray[np.float32]:
-    """Return where values lie between low (0) and high (1), clipped; NaN stays NaN."""
+    """Return where values lie between low (0) and high (1), clipped; same shape, NaN stays NaN."""
     span = np.maximum(np.asarray(high, np.float32) - low, np.float32(1e-9))
     shares: NDArray[np.float32] = np.clip((values - low) / span, 0.0, 1.0).astype(np.float32)
     return shares

@@ -217,7 +217,10 @@ def check_order(pours: Sequence[CameraRecording]) -> None:
 
 
 def camera_images(pour: CameraRecording, camera: int) -> Iterator[NDArray[np.uint8]]:
-    """Yield every image of one camera, decoding each different one once in a row."""
+    """Yield every image of one camera, shape (height, width, 3), red first, oldest first.
+
+    Equal images in a row are decoded once.
+    """
     from taxel.frame_codec import decode_jpeg
 
     last: tuple[bytes, NDArray[np.uint8]] | None = None

@@ -21,7 +21,7 @@ from taxel.errors import BadDataset, BadTable
 from taxel.frame_codec import encode_jpeg
 from taxel.recordings.imports.footage import IMAGES, VIDEOS, open_footage
 from taxel.recordings.imports.known import KNOWN_VIDEOS
-from taxel.recordings.imports.table_columns import read_cells
+from taxel.recordings.imports.value_tables.table_columns import read_cells
 from taxel.recordings.imports.video_rows import VideoRow, names_videos, read_video_rows
 from taxel.recordings.imports.videos import QUALITY, same_length, same_rate
 from taxel.recordings.reader import list_recordings, read_manifest

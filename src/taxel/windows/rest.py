@@ -21,7 +21,14 @@ exposure transient, and no pour begins before 0.4 s. Source: our choice, docs/de
 
 
 def settled(features: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the features of the settled grasp, those of its frames less the first axis."""
+    """Return the features of the settled grasp: the median over its frames.
+
+    Args:
+        features: Of the settled frames, shape (frames, …).
+
+    Returns:
+        Shape (…).
+    """
     return np.asarray(np.median(features, axis=0), dtype=np.float32)
 
 

@@ -199,6 +199,9 @@ def numbers_of(view: str, names: Sequence[str], cameras: int) -> NDArray[np.intp
         view: "pixels" or "slip".
         names: In `PIXELS` or `SLIP`.
         cameras: How many there are.
+
+    Returns:
+        Indices into a crop's row, shape (numbers,).
     """
     columns = {"pixels": PIXELS, "slip": SLIP}[view]
     chosen = [columns.index(name) for name in names]

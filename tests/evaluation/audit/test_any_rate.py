@@ -12,12 +12,12 @@ from taxel.errors import BadDataset
 from taxel.evaluation.audit import noise, reading
 from taxel.evaluation.audit.audit import audit, make_case
 from taxel.evaluation.audit.copies import near_copies, same_rows
+from taxel.evaluation.audit.fitted_scaling import scaled_values
 from taxel.evaluation.audit.gaps import measure_gaps
 from taxel.evaluation.audit.noise import shared_noise
 from taxel.evaluation.audit.nuisances import read_length
 from taxel.evaluation.audit.of_run import _rows
 from taxel.evaluation.audit.reading import read_touch
-from taxel.evaluation.audit.scaled import scaled_values
 from taxel.evaluation.audit.touch_set import TouchSet, usual_steps
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder

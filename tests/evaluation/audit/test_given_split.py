@@ -9,9 +9,9 @@ import pytest
 from taxel.cli.recordings.audit import Audit
 from taxel.errors import BadSplit
 from taxel.evaluation.audit.audit import make_case
+from taxel.evaluation.audit.both_sides import shared_names
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.nuisances import read_place
-from taxel.evaluation.audit.shared import shared_names
 from taxel.evaluation.audit.sides import are_given, given_sides, table_sides
 from taxel.evaluation.audit.touch_set import TouchSet
 

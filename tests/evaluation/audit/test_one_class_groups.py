@@ -8,8 +8,8 @@ import pytest
 
 from taxel.errors import BadSplit
 from taxel.evaluation.audit.audit import make_case
+from taxel.evaluation.audit.both_sides import one_class_folds
 from taxel.evaluation.audit.finding import Finding
-from taxel.evaluation.audit.shared import one_class_folds
 from taxel.evaluation.audit.sides import named_sides
 from taxel.evaluation.audit.touch_set import TouchSet
 from taxel.evaluation.splits import Split

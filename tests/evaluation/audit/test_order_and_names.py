@@ -14,7 +14,7 @@ from taxel.evaluation.audit.evidence import LabelEvidence
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.names import near, near_names
 from taxel.evaluation.audit.nuisances import read_first, read_length, read_level
-from taxel.evaluation.audit.order import measure_order
+from taxel.evaluation.audit.order_effect import measure_order
 from taxel.evaluation.audit.sides import named_sides, table_sides
 from taxel.evaluation.audit.touch_set import TouchSet, group_values
 

@@ -12,12 +12,12 @@ from trial_makers import Write, as_avi, as_folder, write_trials
 from taxel.errors import BadDataset, BadSplit, BadTable
 from taxel.evaluation.audit.affine import scaled_over_channels
 from taxel.evaluation.audit.audit import audit, make_case
+from taxel.evaluation.audit.both_sides import shared_names
 from taxel.evaluation.audit.copies import near_copies, rows_backwards, same_rows
 from taxel.evaluation.audit.finding import Finding
+from taxel.evaluation.audit.fitted_scaling import scaled_values
 from taxel.evaluation.audit.origins import read_origins
 from taxel.evaluation.audit.reading import read_touch
-from taxel.evaluation.audit.scaled import scaled_values
-from taxel.evaluation.audit.shared import shared_names
 from taxel.evaluation.audit.sides import named_sides, table_sides
 from taxel.evaluation.audit.touch_set import TouchSet, checked, usual_steps
 from taxel.recordings.imports.importing import import_table

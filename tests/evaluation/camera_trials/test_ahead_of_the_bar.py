@@ -13,7 +13,7 @@ import taxel.training.camera_trials.blend as blending
 from taxel.cli.evaluation.evaluate_trials import EvaluateTrials
 from taxel.cli.options.trials import TrialOptions
 from taxel.cli.training.train_trials import TrainTrials
-from taxel.training.camera_trials.weights import trusted
+from taxel.training.camera_trials.member_weights import trusted
 
 SPEEDS = {"holds": 0.0, "creeps": 0.25, "slides": 1.2}
 """What an object does → pixels of a slip in a frame."""

@@ -1,5 +1,7 @@
 """Claims about how the touch encoder is judged: every network has the same probe."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
@@ -9,6 +11,7 @@ from taxel.evaluation.camera_trials.encoder_study import (
     ProbeSet,
     few_objects,
     probe_all,
+    slip_probe_set,
 )
 from taxel.evaluation.camera_trials.probe import commonest
 from taxel.evaluation.camera_trials.sides import split_trials
@@ -52,7 +55,7 @@ def probed() -> ProbeSet:
 @pytest.mark.slow
 def test_brightness_is_found_by_the_probe_and_from_few_objects_too(probed: ProbeSet) -> None:
     rows = [probed.rows_of(Colours())] * len(probed.split.folds)
-    found = probe_all(probed, {"colours": rows}, lambda line: None)["colours"]
+    found = probe_all(probed, {"colours": rows})["colours"]
 
     assert (found.probabilities.argmax(axis=1) == probed.y).all()
     assert few_objects(probed, rows, 4, 2)[0] == 1.0
@@ -66,3 +69,17 @@ def test_the_commonest_class_is_counted_on_each_folds_training_side(probed: Prob
         assert found.probabilities[fold.test_rows] == pytest.approx(
             np.tile([1 - share, share], (len(fold.test_rows), 1))
         )
+
+
+def test_who_slipped_is_asked_of_whole_objects_never_seen() -> None:
+    trials = [
+        SimpleNamespace(labels={"outcome": outcome}, groups={"object": f"object {i}"})
+        for i in range(OBJECTS)
+        for outcome in ("slip", "stable")
+    ]
+    found = slip_probe_set(trials)  # type: ignore[arg-type]  # all of a trial that it looks at
+
+    assert found.y.tolist() == [1, 0] * OBJECTS
+    assert len(found.split.folds) == 5
+    for fold in found.split.folds:
+        assert not set(found.objects[fold.train_rows]) & set(found.objects[fold.test_rows])

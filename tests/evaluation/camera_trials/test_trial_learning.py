@@ -29,10 +29,10 @@ from taxel.training.camera_trials.inner_folds import (
     later_folds,
 )
 from taxel.training.camera_trials.learning import Crops, Learning
+from taxel.training.camera_trials.member_weights import weigh
 from taxel.training.camera_trials.novelty import Novelty, novelty_threshold
 from taxel.training.camera_trials.onnx_graph import blend_to_onnx
 from taxel.training.camera_trials.rank_sums import Steady
-from taxel.training.camera_trials.weights import weigh
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_crops import (
     MOVEMENT,

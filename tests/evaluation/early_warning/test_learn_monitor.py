@@ -15,14 +15,13 @@ from taxel.decisions.stability import StabilityConfig
 from taxel.errors import BadDataset
 from taxel.evaluation.early_warning.grasp_warnings import (
     INNER_FOLDS,
-    folds_within,
     split_by_folder,
     warn_on_unseen_cups,
     warn_trivially,
 )
 from taxel.evaluation.early_warning.learn_monitor import check_alike, learn_monitor
 from taxel.evaluation.transitions import tables
-from taxel.evaluation.transitions.data import DIFFERENCE, CameraSet
+from taxel.evaluation.transitions.data import DIFFERENCE, CameraSet, cup_folds
 from taxel.evaluation.transitions.tables import (
     LARGEST_DIFFERENCE,
     BackboneSeen,
@@ -137,7 +136,7 @@ def test_labels_from_images_are_scored_and_tune_nothing() -> None:
 @pytest.mark.parametrize("shared", [True, False])
 def test_warnings_are_judged_on_each_unseen_cup_once(shared: bool) -> None:
     data = pours_of(CUPS)
-    folds = folds_within(data)
+    folds = cup_folds(data.cups())
     found, _ = warn_on_unseen_cups(
         data, features_of(data, shared=shared), CONFIG, folds, name="made up"
     )
@@ -159,7 +158,7 @@ def test_a_trivial_number_is_ranked_among_training_cups_alone() -> None:
     columns = [np.where(label_truth(own.beside, "slip"), 1.0, 0.0) + own.beside[:, 0] / 1e6
                for own in data.pours]  # fmt: skip
     columns[2] = columns[2] + 9.0
-    (fold,) = [fold for fold in folds_within(data) if fold.name == "1"]
+    (fold,) = [fold for fold in cup_folds(data.cups()) if fold.name == "1"]
     found = warn_trivially(data, lambda i: columns[i], [fold], name="number", frames=8)
 
     assert found.tests == (2, 3)
@@ -171,7 +170,7 @@ def test_no_warning_is_judged_where_one_cup_alone_is_learned_from() -> None:
     data = pours_of(2)
     with pytest.raises(BadDataset, match="at least two of the group cup"):
         warn_on_unseen_cups(
-            data, features_of(data, shared=True), CONFIG, folds_within(data), name="x"
+            data, features_of(data, shared=True), CONFIG, cup_folds(data.cups()), name="x"
         )
 
 
@@ -183,7 +182,7 @@ def test_a_test_folder_shares_no_cup_with_what_is_learned_from() -> None:
                     signals=other.signals[4:])  # fmt: skip
     both, (fold,) = split_by_folder(data, third)
 
-    assert both.groups("cup").tolist() == ["0", "0", "1", "1", "2", "2"]
+    assert both.cups().tolist() == ["0", "0", "1", "1", "2", "2"]
     assert (fold.train, fold.test) == ({0, 1, 2, 3}, {4, 5})
 
 

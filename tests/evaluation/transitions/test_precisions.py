@@ -44,7 +44,7 @@ def test_the_first_way_loses_nothing_and_the_others_are_told_apart(
     ways: list[tuple[EngineName, Precision]] = [
         ("onnxruntime", "f32"), ("openvino", "f32"), ("onnxruntime", "int8"),
     ]  # fmt: skip
-    fold = cup_folds(pours.groups("cup"))[-1]
+    fold = cup_folds(pours.cups())[-1]
     head = HeadConfig(head="lstm", frames=4, epochs=2)
 
     first, second, small = compare_precisions(pours, fold, head, open_way, Ways(ways), tmp_path)

@@ -11,12 +11,11 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
-from typing import TypeVar
 
 import numpy as np
 import torch
 
-from taxel.bench.rows import Row, row
+from taxel.bench.rows import Row, accuracy_row, row
 from taxel.evaluation.adaptation.new_class import (
     CHOSEN,
     AdaptConfig,
@@ -46,7 +45,6 @@ POINTS_LOST = 2.0
 SECONDS = 5.0
 """Goals. Source: our choice, docs/decisions/0028."""
 _SPLIT = "session held out"
-_Point = TypeVar("_Point")
 
 
 def adapt_time_rows() -> list[Row]:
@@ -106,7 +104,7 @@ def _recognised_row(name: str, grasps: int, points: list[GraspsPoint]) -> Row:
         f"{_mean(p.old for p in points):.3f} beside it; {points[0].target}, windows"
     )
     title = f"sim honest, {name} predicted correctly after {grasps} grasps, {_SPLIT}"
-    return _plain(title, _mean(p.new for p in points), note)
+    return accuracy_row(title, _mean(p.new for p in points), note)
 
 
 def pad_rows() -> list[Row]:
@@ -189,7 +187,7 @@ def _curve_rows(target: str, points: list[GraspsPoint]) -> list[Row]:
             f"; all data {_mean(p.full for p in own):.3f}"
         )
         name = f"sim honest, new {target} from {grasps} grasps, {_SPLIT}"
-        rows.append(_plain(name, _mean(p.accuracy for p in own), note))
+        rows.append(accuracy_row(name, _mean(p.accuracy for p in own), note))
     return rows
 
 
@@ -202,7 +200,7 @@ def _method_rows(target: str, points: list[GraspsPoint]) -> list[Row]:
             f", {_mean(p.seconds for p in own):.2f} s"
         )
         name = f"sim honest, new {target} from 5 grasps, {method}, {_SPLIT}"
-        rows.append(_plain(name, _mean(p.accuracy for p in own), note))
+        rows.append(accuracy_row(name, _mean(p.accuracy for p in own), note))
     return rows
 
 
@@ -220,7 +218,7 @@ def _pad_rows(target: str, points: list[PadPoint]) -> list[Row]:
                 "one without counts as wrong"
             )
             name = f"sim honest, {case}, {touches} touches: {target}, {_SPLIT}"
-            rows.append(_plain(name, _mean(p.after for p in own), note))
+            rows.append(accuracy_row(name, _mean(p.after for p in own), note))
     return rows
 
 
@@ -239,13 +237,9 @@ def _online_rows(target: str, points: list[OnlinePoint]) -> list[Row]:
             f"{len(own)} sessions"
         )
         name = f"sim honest, corrected on the fly, {what}: {target}, {_SPLIT}"
-        rows.append(_plain(name, _mean(p.prequential for p in own), note))
+        rows.append(accuracy_row(name, _mean(p.prequential for p in own), note))
     return rows
 
 
 def _mean(values: Iterable[float]) -> float:
     return float(np.nanmean(list(values)))
-
-
-def _plain(name: str, value: float, note: str) -> Row:
-    return Row(name=name, value=value, unit="accuracy", goal="", ok=None, note=note)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from taxel.bench.rows import Row, row
+from taxel.bench.rows import Row, accuracy_row, row
 from taxel.evaluation.baselines import trivial_accuracies
 from taxel.evaluation.splits import by_group
 from taxel.evaluation.teng.honest_gap import TARGETS, Step, closed, honest_gap, with_touches
@@ -63,9 +63,7 @@ def baseline_rows() -> list[Row]:
             best = max(mean, key=lambda name: mean[name])
             name = f"sim honest, {target}, session held out, {what}: best baseline, {best}"
             note = ", ".join(f"{name} {value:.3f}" for name, value in mean.items())
-            rows.append(
-                Row(name=name, value=mean[best], unit="accuracy", goal="", ok=None, note=note)
-            )
+            rows.append(accuracy_row(name, mean[best], note))
     return rows
 
 
@@ -80,7 +78,7 @@ def _trivial(folder: Path, window: WindowConfig, target: str) -> dict[str, float
 def _rung(step: Step) -> Row:
     split = "random windows (leaks)" if step.rung.split == "random" else "session held out"
     name = f"sim honest, {step.target}, {split}, {step.rung.name}: accuracy"
-    return Row(name=name, value=step.accuracy, unit="accuracy", goal="", ok=None, note=_note(step))
+    return accuracy_row(name, step.accuracy, _note(step))
 
 
 def _note(step: Step) -> str:

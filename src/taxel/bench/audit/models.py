@@ -9,7 +9,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from taxel.bench.rows import Row
+from taxel.bench.rows import Row, accuracy_row
 from taxel.evaluation.teng.cleaning_gains import BASE, NOTHING, Gain, compare_cleaning
 from taxel.evaluation.teng.model_comparison import (
     ComparisonConfig,
@@ -54,27 +54,23 @@ def _model_row(result: ModelResult, trivial: list[TrivialResult]) -> Row:
         f"{result.inference_us:.0f} µs a window; best trivial baseline {best:.3f}"
     )
     name = f"sim honest, {result.model}: {result.target}, {result.pooled.split}"
-    return _row(name, result.pooled.scores.accuracy, note)
+    return accuracy_row(name, result.pooled.scores.accuracy, note)
 
 
 def _gain_row(gain: Gain) -> Row:
     name = f"sim honest, {BASE}, windows with {gain.way}: {gain.target}, {gain.split}"
     if gain.way == NOTHING:
         name = f"sim honest, {BASE}, windows as they are: {gain.target}, {gain.split}"
-        return _row(name, gain.accuracy, f"mean of {len(gain.by_run)} sets")
+        return accuracy_row(name, gain.accuracy, f"mean of {len(gain.by_run)} sets")
     low, high = gain.interval
     note = (
         f"{100 * gain.difference:+.1f} points against nothing, 95 % {100 * low:+.1f} … "
         f"{100 * high:+.1f} over {gain.groups} sessions, p {gain.p:.3f}: {gain.verdict}"
     )
-    return _row(name, gain.accuracy, note)
+    return accuracy_row(name, gain.accuracy, note)
 
 
 def _trivial_row(result: TrivialResult) -> Row:
     each = ", ".join(f"{name} {accuracy:.3f}" for name, accuracy in result.accuracies.items())
     name = f"sim honest, best trivial baseline: {result.target}, {result.split}"
-    return _row(name, max(result.accuracies.values()), each)
-
-
-def _row(name: str, value: float, note: str) -> Row:
-    return Row(name=name, value=value, unit="accuracy", goal="", ok=None, note=note)
+    return accuracy_row(name, max(result.accuracies.values()), each)

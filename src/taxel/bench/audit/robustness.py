@@ -231,7 +231,7 @@ def _fall_row(name: str, own: Sequence[FaultPoint], base: FaultPoint, note: str)
     if level is None:
         note = f"{fall_text(own, base.accuracy)}; {note}"
     return Row(name=f"{name}, level at which 5 points are lost", value=level, unit=own[0].unit,
-               goal="", ok=None, note=note)  # fmt: skip
+               note=note)  # fmt: skip
 
 
 def _words(point: FaultPoint) -> str:
@@ -253,4 +253,4 @@ def _by_fault(points: Sequence[FaultPoint]) -> list[tuple[str, list[FaultPoint]]
 
 
 def _plain_row(name: str, value: float, unit: str, note: str) -> Row:
-    return Row(name=name, value=value, unit=unit, goal="", ok=None, note=note)
+    return Row(name=name, value=value, unit=unit, note=note)

@@ -192,7 +192,7 @@ def _scored(
     each = ", ".join(f"{key} {value:.3f}" for key, value in trivial.items())
     note = f"95 % {low:.3f} … {high:.3f} by session; {len(right)} windows; trivial: {each}"
     return Row(name=f"{name}, session held out", value=float(right.mean()), unit="accuracy",
-               goal="", ok=None, note=note)  # fmt: skip
+               note=note)  # fmt: skip
 
 
 def _cost(target: str, name: str, answers: Mapping[tuple[str, float], SessionAnswers]) -> Row:
@@ -207,7 +207,7 @@ def _cost(target: str, name: str, answers: Mapping[tuple[str, float], SessionAns
     )
     text = f"{name} {levels[0]:g} … {levels[-1]:g} {unit}, points lost at worst"
     return Row(name=f"sim, new sessions, {target} by windows, {RECIPE}: {text}",
-               value=each[worst].points, unit="points", goal="", ok=None, note=note)  # fmt: skip
+               value=each[worst].points, unit="points", note=note)  # fmt: skip
 
 
 def _drifting(recorded: Recorded, drift_v: float) -> Recorded:
@@ -222,7 +222,7 @@ def _gate_rows(name: str, point: FaultPoint) -> list[Row]:
     note = f"95 % {point.low:.3f} … {point.high:.3f} by session; {point.windows} windows"
     return [
         Row(name=f"{name}: windows cut outside touch", value=point.outside, unit="1/min",
-            goal="", ok=None, note=f"{RECIPE}, gate {TENG_WINDOW.gate} V, {FOLLOW_S:g} s"),
-        Row(name=f"{name}: shape", value=point.accuracy, unit="accuracy", goal="", ok=None,
+            note=f"{RECIPE}, gate {TENG_WINDOW.gate} V, {FOLLOW_S:g} s"),
+        Row(name=f"{name}: shape", value=point.accuracy, unit="accuracy",
             note=f"{note}; whole grasps {point.grasps:.3f}"),
     ]  # fmt: skip

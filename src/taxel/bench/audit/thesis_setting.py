@@ -55,7 +55,7 @@ def _clean_row(target: str, clean: SessionAnswers) -> Row:
     majority = np.bincount(clean.y).max() / len(clean.y)
     return Row(
         name=f"sim, new sessions, {target} by windows, {SETTING}: 23 °C, clean and still",
-        value=point.accuracy, unit="accuracy", goal="", ok=None,
+        value=point.accuracy, unit="accuracy",
         note=f"majority {majority:.3f}; grasps with an answer {point.grasps_answered:.3f}",
     )  # fmt: skip
 
@@ -70,6 +70,6 @@ def _condition_row(
     return Row(
         name=f"sim, new sessions, {target} by windows, {SETTING}: {condition} {levels[0]:g} … "
         f"{levels[-1]:g} {unit}, points lost at worst",
-        value=loss.points, unit="points", goal="", ok=None,
+        value=loss.points, unit="points",
         note=f"worst at {worst:g}: {loss_words(loss)}; at {points_at(each)}",
     )  # fmt: skip

@@ -81,7 +81,7 @@ def _kind_rows(results: list[UnknownResult], target: str, kind: str) -> list[Row
     windows = float(np.mean([result.windows for result in each]))
     return [
         row(f"{name} grasps", mean, "AUROC", ">=", SIM_LEAST, note),
-        Row(name=f"{name} windows", value=windows, unit="AUROC", goal="", ok=None),
+        Row(name=f"{name} windows", value=windows, unit="AUROC"),
     ]
 
 
@@ -97,7 +97,7 @@ def _known_rows(results: list[UnknownResult], target: str) -> list[Row]:
     )
     rows = [
         Row(name=f"sim, known grasps called unknown to {target}, session held out",
-            value=float(np.mean(grasps)), unit="share", goal="", ok=None, note=note)
+            value=float(np.mean(grasps)), unit="share", note=note)
     ]  # fmt: skip
     curves = {score: [c for result in results for c in result.curves if c.score == score]
               for score in (OURS, "max softmax")}  # fmt: skip
@@ -105,7 +105,7 @@ def _known_rows(results: list[UnknownResult], target: str) -> list[Row]:
         at = [float(np.mean([curve.grasps[i] for curve in own])) for i in (0, 2, 5)]
         rows.append(
             Row(name=f"sim, {target}, grasps answered by {score}, session held out: 90 %",
-                value=at[1], unit="accuracy", goal="", ok=None,
+                value=at[1], unit="accuracy",
                 note=f"all answered {at[0]:.3f}, half {at[2]:.3f}")
         )  # fmt: skip
     return rows
@@ -150,7 +150,7 @@ def _glove(results: dict[str, UnknownResult], group: str) -> list[Row]:
     mean, notes = float(np.mean(list(windows.values()))), (signs, f"{least}; {beside}")
     if group != "file":
         return [
-            Row(name=f"{text} {what}", value=value, unit="AUROC", goal="", ok=None, note=note)
+            Row(name=f"{text} {what}", value=value, unit="AUROC", note=note)
             for what, value, note in zip(("mean", "least"), (mean, windows[least]), notes,
                                          strict=True)
         ]  # fmt: skip
@@ -158,5 +158,5 @@ def _glove(results: dict[str, UnknownResult], group: str) -> list[Row]:
         row(f"{text} mean", mean, "AUROC", ">=", GLOVE_LEAST, notes[0]),
         row(f"{text} least", windows[least], "AUROC", ">=", GLOVE_LEAST, notes[1]),
         Row(name=f"teng-glove, known windows called unknown, {group} held out",
-            value=float(rejected), unit="share", goal="", ok=None),
+            value=float(rejected), unit="share"),
     ]  # fmt: skip

@@ -70,7 +70,7 @@ def collect_rows(firmware: Firmware) -> list[Row]:
         row(f"{name}: contact to that motor off", worst, "ms", "<=", 10.0,
             f"worst of {len(found.off_ms)} contacts, median {middle:.1f}"),
         Row(name=f"{name}: shape, session held out", value=found.accuracy, unit="accuracy",
-            goal="", ok=None, note=f"majority {found.majority:.3f}; taxel train on what was "
+            note=f"majority {found.majority:.3f}; taxel train on what was "
             "collected, as it was collected"),
     ]  # fmt: skip
 

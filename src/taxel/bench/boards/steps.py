@@ -132,8 +132,6 @@ def _clock_row(name: str, done: ChainResult) -> Row:
         name=f"{name}: resonator error that the clock fit finds, off by at most",
         value=max(off),
         unit="ppm",
-        goal="",
-        ok=None,
         note=f"found {each} for 0, {-PPM[1]:g} and {-PPM[2]:g}; looks 3 to 7 ms apart",
     )
 
@@ -154,7 +152,7 @@ def wide_rows(firmware: Firmware) -> list[Row]:
         ]  # fmt: skip
     rows.append(
         Row(name="16 channels by the usual sketch: analogRead and print at 115,200 baud",
-            value=naive, unit="Hz", goal="", ok=None, note="naive_print; no time, no check")
+            value=naive, unit="Hz", note="naive_print; no time, no check")
     )  # fmt: skip
     return rows
 

@@ -9,7 +9,6 @@ Source: docs/decisions/0017.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Final
 
 from taxel.bench.closed_loop.pours import FAILING, HARD, UNSEEN, is_preventable
@@ -25,25 +24,16 @@ RAISED_FROM_MM: Final = (0.02, 0.05, 0.1, 0.2)
 """Slip from which the grip is raised, millimetres: from micro-slip (decision 13) on."""
 
 
-def grip_bound(
-    workers: int | None = None, on_step: Callable[[str], None] = lambda _: None
-) -> list[Row]:
-    """Raise by exact slip alone: failing grips and sudden slips, and pours that hold.
-
-    Args:
-        workers: Processes.
-        on_step: Called with a line before each part.
-    """
-    on_step("drops that full force would have prevented")
+def grip_bound() -> list[Row]:
+    """Raise by exact slip alone: failing grips and sudden slips, and pours that hold."""
     runs = list_runs(UNSEEN)
     hard = [run for run in runs + list_runs(HARD) if run.kind in FAILING]
-    needed = side_by_side(is_preventable, [(run,) for run in hard], workers=workers)
+    needed = side_by_side(is_preventable, [(run,) for run in hard])
     drops = [run for run, prevents in zip(hard, needed, strict=True) if prevents]
     holds = _holding([run for run in runs if raisable(run)])
     rows = []
     for raised_mm in RAISED_FROM_MM:
-        on_step(f"raised from {raised_mm:g} mm")
-        held = side_by_side(is_saved, [(run, raised_mm) for run in drops], workers=workers)
+        held = side_by_side(is_saved, [(run, raised_mm) for run in drops])
         raised = len(_beyond(holds, raised_mm * 1e3))
         rows.append(
             Row(
@@ -51,8 +41,6 @@ def grip_bound(
                 "and sudden slips prevented",
                 value=sum(held) / len(drops) if drops else None,
                 unit="share",
-                goal="",
-                ok=None,
                 note=f"{sum(held)} of {len(drops)}; of {len(holds)} pours that hold it raises "
                 f"{raised} ({raised / max(len(holds), 1):.1%}; the goal is 2 %)",
             )

@@ -9,7 +9,7 @@ Source: docs/decisions/0017, 0037.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -57,20 +57,17 @@ class GelCase:
 
 def grips_on_both_gels(
     workers: int | None = None,
-    on_step: Callable[[str], None] = lambda _: None,
     runs: Sequence[PourRun] | None = None,
 ) -> list[Row]:
     """Pour into unseen cups, the grip raised by each warning, on each version of the gel.
 
     Args:
         workers: Processes side by side.
-        on_step: Called with a line before each part.
         runs: Pours to judge on; all of the paper's kinds into `UNSEEN` below the largest force
             unless given.
     """
     if runs is None:
         runs = [run for run in list_runs(UNSEEN) if raisable(run)]
-    on_step(f"{len(runs)} pours, {len(WARNINGS)} warnings, {len(GELS)} versions of the gel")
     judged = side_by_side(judge_on_gels, [(run,) for run in runs], workers=workers)
     cases = [case for pour in judged for case in pour]
     rows = []
@@ -130,7 +127,7 @@ def _rows(name: str, held: LoopScores, person: LoopScores) -> list[Row]:
 
 def _row(name: str, value: float, note: str) -> Row:
     # No number where there was no such pour.
-    return Row(name=name, value=None if value != value else value, unit="share", goal="", ok=None,
+    return Row(name=name, value=None if value != value else value, unit="share",
                note=note)  # fmt: skip
 
 

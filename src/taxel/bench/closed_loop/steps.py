@@ -110,19 +110,16 @@ def stepping_speed() -> list[Row]:
     ]  # fmt: skip
 
 
-def unseen_cups(
-    workers: int | None = None, on_step: Callable[[str], None] = lambda _: None
-) -> list[Row]:
+def unseen_cups() -> list[Row]:
     """Learn on training cups, judge on unseen ones."""
     from taxel.bench.closed_loop.training import learn
 
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
-        learnt = learn(Path(scratch), on_step=on_step, workers=workers)
-        on_step("unseen cups")
+        learnt = learn(Path(scratch))
         hard = list_runs(HARD)
-        needed = side_by_side(is_preventable, [(run,) for run in hard], workers=workers)
+        needed = side_by_side(is_preventable, [(run,) for run in hard])
         runs = [run for run, drops in zip(hard, needed, strict=True) if drops]
-        return loop_rows(judge_cups(learnt, list_runs(UNSEEN) + runs, workers))
+        return loop_rows(judge_cups(learnt, list_runs(UNSEEN) + runs))
 
 
 def bound_of_grips() -> list[Row]:
@@ -130,9 +127,7 @@ def bound_of_grips() -> list[Row]:
     return grip_bound()
 
 
-def judge_cups(
-    learnt: Learnt, runs: Sequence[PourRun], workers: int | None = None
-) -> list[JudgedPour]:
+def judge_cups(learnt: Learnt, runs: Sequence[PourRun]) -> list[JudgedPour]:
     """Pour into each cup under every policy."""
     from taxel.bench.closed_loop.training import raisable
 
@@ -140,7 +135,7 @@ def judge_cups(
         (learnt.bundle, run, learnt.stability, learnt.pixels if raisable(run) else None)
         for run in runs
     ]
-    return side_by_side(judge_pour, jobs, workers=workers)
+    return side_by_side(judge_pour, jobs)
 
 
 def judge_pour(
@@ -293,7 +288,7 @@ def _of(scores: LoopScores) -> str:
 def _info(name: str, value: float, unit: str, note: str) -> Row:
     known = bool(np.isfinite(value))
     return Row(
-        name=name, value=value if known else None, unit=unit, goal="", ok=None,
+        name=name, value=value if known else None, unit=unit,
         note=note if known else f"none to measure it on; {note}",
     )  # fmt: skip
 

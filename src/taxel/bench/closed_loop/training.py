@@ -62,7 +62,6 @@ def learn(
     folder: Path,
     cache: Path | None = None,
     on_step: Callable[[str], None] = lambda _: None,
-    workers: int | None = None,
 ) -> Learnt:
     """Simulate training cups unless they are there, train, tune, and write a bundle.
 
@@ -70,7 +69,6 @@ def learn(
         folder: Where images and bundle go.
         cache: Where poses and signals are kept; beside the other features unless given.
         on_step: Called with a line before each part.
-        workers: Processes side by side.
     """
     cache = cache or default_cache()
     pours = training_features(cache / "slip-poses", on_step=on_step)
@@ -82,7 +80,7 @@ def learn(
         for found, track in zip(pours, learnt.tracks, strict=True)
         if found.cup in first and raisable(found.pour.run)
     ]
-    stability, curve = tune_loop(tracks, workers=workers)
+    stability, curve = tune_loop(tracks)
     bundle = folder / "grip.taxel"
     check = pours[0].rows[:64]
     ready = ReadyWarning(
@@ -90,9 +88,7 @@ def learn(
         expected=learnt.head.probability(check),
     )  # fmt: skip
     write_warning(bundle, "forecast", ready, {})
-    pixels, pixel_curve = tune_pixels(
-        _changes(folder / "cups", cache, on_step, workers), workers=workers
-    )
+    pixels, pixel_curve = tune_pixels(_changes(folder / "cups", cache, on_step))
     return Learnt(
         bundle=bundle,
         stability=stability,
@@ -112,14 +108,12 @@ def keep_signals(file: Path, cache: Path) -> None:
     change_signals([read_camera_recording(file)], cache)
 
 
-def _changes(
-    data: Path, cache: Path, on_step: Callable[[str], None], workers: int | None
-) -> list[RunProbabilities]:
+def _changes(data: Path, cache: Path, on_step: Callable[[str], None]) -> list[RunProbabilities]:
     """Return how far images of training cups differ from the settled ones, per cent."""
     on_step("images of training cups, for the difference of pixels")
-    write_pours(data, PIXEL_CUPS, workers=workers)
+    write_pours(data, PIXEL_CUPS)
     files = list_recordings(data)
-    side_by_side(keep_signals, [(file, cache) for file in files], workers=workers)
+    side_by_side(keep_signals, [(file, cache) for file in files])
     pours = read_camera_recordings(data)
     runs = {run.name: run for run in list_runs(PIXEL_CUPS) if raisable(run)}
     return [

@@ -85,7 +85,6 @@ class PixelPoint:
 def tune_loop(
     tracks: Sequence[RunProbabilities],
     config: LoopConfig | None = None,
-    policy: GripPolicyConfig | None = None,
     workers: int | None = None,
 ) -> tuple[StabilityConfig, list[CurvePoint]]:
     """Return the thresholds that most likely keep all promises, and the whole curve.
@@ -93,10 +92,9 @@ def tune_loop(
     Args:
         tracks: Training pours.
         config: What lies between cup and decision.
-        policy: What follows the monitor.
         workers: Processes side by side.
     """
-    config, policy = config or LoopConfig(), policy or GripPolicyConfig()
+    config, policy = config or LoopConfig(), GripPolicyConfig()
     grid = [stability_at(warn, raise_s) for raise_s in RAISE_S for warn in WARN]
     played = side_by_side(
         play_alarms, [(track, grid, config, policy) for track in tracks], workers=workers
@@ -119,35 +117,22 @@ def tune_loop(
 
 def tune_pixels(
     tracks: Sequence[RunProbabilities],
-    base: PixelDifferenceConfig | None = None,
-    config: LoopConfig | None = None,
-    workers: int | None = None,
 ) -> tuple[PixelDifferenceConfig, list[PixelPoint]]:
     """Return the threshold on a difference of pixels that most likely keeps the promises.
 
     Args:
         tracks: Training pours; their "probabilities" are differences, per cent.
-        base: Debounce and force; the threshold is tuned.
-        config: What lies between cup and decision.
-        workers: Processes side by side.
     """
-    config, base = config or LoopConfig(), base or PixelDifferenceConfig()
-    grid = [replace(base, threshold=threshold) for threshold in PIXELS]
+    config = LoopConfig()
+    grid = [replace(PixelDifferenceConfig(), threshold=threshold) for threshold in PIXELS]
     jobs = [
         (track.run, [_pixel_commands(track, settings, config) for settings in grid], config)
         for track in tracks
     ]
-    scores = _scores(jobs, workers)
+    played = side_by_side(play, jobs)
+    scores = [score_loops(cases) for cases in zip(*played, strict=True)]
     curve = [PixelPoint(pixels=a, scores=b) for a, b in zip(grid, scores, strict=True)]
     return curve[choose([point.scores for point in curve])].pixels, curve
-
-
-def _scores(
-    jobs: Sequence[tuple[PourRun, list[tuple[GripCommand, ...]], LoopConfig]], workers: int | None
-) -> list[LoopScores]:
-    """Return the scores of each alternative over all pours."""
-    played = side_by_side(play, jobs, workers=workers)
-    return [score_loops(cases) for cases in zip(*played, strict=True)]
 
 
 def stability_at(warn: float, raise_s: float) -> StabilityConfig:

@@ -137,7 +137,7 @@ def rows_of(name: str, goal: float | None, expert: Expert) -> list[Row]:
     bars = {bar: own.scores.accuracy for bar, (own, _) in nested.bars.items()}
     accuracy = float(nested.scores.scores.accuracy)
     beside = _beside(nested)
-    first = Row(name=f"{name}: accuracy", value=accuracy, unit="accuracy", goal="", ok=None,
+    first = Row(name=f"{name}: accuracy", value=accuracy, unit="accuracy",
                 note=beside)  # fmt: skip
     if goal is not None:
         first = row(f"{name}: accuracy", accuracy, "accuracy", ">=", goal, beside)

@@ -52,7 +52,7 @@ def camera_rows() -> list[Row]:
         ),
         Row(
             name="cameras well: moments doubted", value=float(len(doubted)), unit="moments",
-            goal="", ok=None, note=f"in {ROUNDS} rounds, before the fault; {example}",
+            note=f"in {ROUNDS} rounds, before the fault; {example}",
         ),
         row(
             "camera gone: time until the watcher doubts it (UNKNOWN)", max(gone), "s", "<=", 0.1,

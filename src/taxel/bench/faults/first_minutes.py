@@ -129,7 +129,7 @@ def first_minutes_rows(seconds: float) -> list[Row]:
         *minute.rows(what),
         stops.row(f"{what}: STOP shown without a cause"),
         Row(name=f"{what}: a grasp's first frame to its first state", value=float(np.median(waits)),
-            unit="s", goal="", ok=None,
+            unit="s",
             note=f"median of {len(minute.waits_s)}, longest {max(waits):.2f} s: UNKNOWN, and says "
                  "what is left"),
     ]  # fmt: skip

@@ -65,9 +65,9 @@ def wide_product() -> bytes:
     return model(nodes, sides)
 
 
-def long_work(times: int = 4000) -> bytes:
+def long_work() -> bytes:
     """Return a model that multiplies one table by itself again and again, of constants only."""
-    n = 700
+    n, times = 700, 4000
     table = helper.make_tensor("t0", TensorProto.FLOAT, [n, n],
                                np.ones((n, n), np.float32).tobytes(), True)  # fmt: skip
     nodes = [helper.make_node("MatMul", [f"t{i}", "t0"], [f"t{i + 1}"]) for i in range(times)]

@@ -244,11 +244,11 @@ def latency_rows() -> list[Row]:
     asleep_ms = _sleep_lateness_ms()
     rows.append(
         Row(name="for comparison: a plain sleep wakes up late by, 99 %", value=asleep_ms, unit="ms",
-            goal="", ok=None, note="600 sleeps to 60 Hz marks in this run: the machine's own share")
+            note="600 sleeps to 60 Hz marks in this run: the machine's own share")
     )  # fmt: skip
     for stage, (p50, p95, p99) in stages.items():
         rows.append(
-            Row(name=f"stage {stage}, median", value=p50, unit="ms", goal="", ok=None,
+            Row(name=f"stage {stage}, median", value=p50, unit="ms",
                 note=f"95 % {p95:.1f}, 99 % {p99:.1f} ms")
         )  # fmt: skip
     return rows

@@ -173,7 +173,7 @@ def training_row(pours: Path, folder: Path) -> Row:
         why = "the start varied by more than ten epochs take; measure again on a quiet machine"
         return missing(name, "ratio", "", why)
     note = f"{each[0]:.1f} s an epoch alone, {each[1]:.1f} s with two (gloo, on the processor)"
-    return Row(name=name, value=each[0] / each[1], unit="ratio", goal="", ok=None, note=note)
+    return Row(name=name, value=each[0] / each[1], unit="ratio", note=note)
 
 
 def _train(pours: Path, folder: Path, processes: int, epochs: int) -> float:

@@ -57,9 +57,9 @@ def search_rows() -> list[Row]:
     return [
         row(_LOST_ROW, lost, "trials", "<=", 1.0, note),
         Row(name="outer accuracy, settings found without the fold", value=outer, unit="share",
-            goal="", ok=None, note=scores),
+            note=scores),
         Row(name="inner accuracy of the best trial, which was chosen by it", value=inner,
-            unit="share", goal="", ok=None, note=f"{TRIALS} trials a search"),
+            unit="share", note=f"{TRIALS} trials a search"),
     ]  # fmt: skip
 
 

@@ -90,7 +90,7 @@ def soak_rows(seconds: float, settled_s: float) -> list[Row]:
         *minute.rows(f"{how_long} of both systems"),
         stops.row(f"{how_long}: STOP shown without a cause"),
         Row(name=f"{how_long}: sets of frames that the monitor let go, behind", value=skipped,
-            unit="sets", goal="", ok=None, note="the newest go first; 60 sets a second come"),
+            unit="sets", note="the newest go first; 60 sets a second come"),
     ]  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from time import perf_counter
 import numpy as np
 
 from taxel.bench.other_processes import run_code
-from taxel.bench.rows import Row, missing, quietest, row, row_within
+from taxel.bench.rows import Row, accuracy_row, missing, quietest, row, row_within
 from taxel.bench.teng.kill_recorder import kill_often
 from taxel.bench.teng.weak import weak_accuracies, weak_paper_accuracies
 from taxel.evaluation.checked import check_recipe
@@ -114,7 +114,7 @@ def table_time() -> list[Row]:
         row("training: memory", memory_mb, "MiB", "<=", 2048.0),
     ]  # fmt: skip
     for name, value in accuracies.items():
-        rows.append(Row(name=f"sim honest: {name}", value=value, unit="accuracy", goal="", ok=None))
+        rows.append(accuracy_row(f"sim honest: {name}", value))
     return rows
 
 
@@ -231,7 +231,7 @@ def _glove_row(folder: Path, name: str, key: str) -> Row:
     text, value = f"teng-glove, {channels}, split by {key}", checked.pooled.scores.accuracy
     if key == "file":
         return row(text, value, "accuracy", ">=", least, note)
-    return Row(name=text, value=value, unit="accuracy", goal="", ok=None, note=note)
+    return accuracy_row(text, value, note)
 
 
 def icub(data: Path | None) -> list[Row]:
@@ -261,7 +261,7 @@ def _icub_result(folder: Path, seed: int) -> tuple[float, str]:
 
 
 def data_digest(data: Path | None) -> str:
-    """Return a digest over the names and sizes of the recordings used."""
+    """Return a digest over the contents of the recordings used, file by file in order."""
     import hashlib
 
     digest = hashlib.sha256()

@@ -10,8 +10,7 @@ Source: docs/decisions/0037.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from taxel.bench.rows import Row, missing
@@ -31,23 +30,15 @@ WARNINGS: Final = (CUP_POUR, BOTH_GELS)
 """Bundles that are judged."""
 
 
-def gel_kind_rows(
-    folder: Path | None = None, on_step: Callable[[str], None] = lambda _: None
-) -> list[Row]:
-    """Render what is missing, and judge on both versions: ten minutes of one core a gel.
-
-    Args:
-        folder: Where poses are kept.
-        on_step: Called with a line before each file that is rendered.
-    """
+def gel_kind_rows() -> list[Row]:
+    """Render what is missing, and judge on both versions: ten minutes of one core a gel."""
     import cv2
 
     cv2.setNumThreads(1)
-    place = folder or poses_folder()
+    place = poses_folder()
     pours: dict[Gel, list[PourRows]] = {gel: [] for gel in GELS}
     for gel in GELS:
         for cup, part, runs in _parts():
-            on_step(f"gel {gel}, {part} of test cup {cup}")
             pours[gel] += keep_runs(pose_file(place, cup, part, gel), runs, follow(gel))
     warners = [shipped_warner(name) for name in WARNINGS]
     return [row for gel in GELS for row in judge_kinds(warners, pours[gel], f"on gel {gel}")]
@@ -80,7 +71,7 @@ def _rows(name: str, tracks: Sequence[WarningTrack], threshold: float) -> list[R
     if events.events:
         low, high = events.missed_interval
         rows.append(
-            Row(name=missed, value=float(events.missed_share), unit="share", goal="", ok=None,
+            Row(name=missed, value=float(events.missed_share), unit="share",
                 note=f"{number_of(events.events, 'slip')}, 95 % {low:.3f} … {high:.3f}; median "
                 f"lead before 300 µm {events.lead_median_s:.2f} s")
         )  # fmt: skip
@@ -89,7 +80,7 @@ def _rows(name: str, tracks: Sequence[WarningTrack], threshold: float) -> list[R
 
 def _alarms(name: str, events: EventScores) -> Row:
     low, high = events.false_alarms_poisson
-    return Row(name=name, value=float(events.false_alarms_per_min), unit="1/min", goal="", ok=None,
+    return Row(name=name, value=float(events.false_alarms_per_min), unit="1/min",
                note=f"{events.false_alarms} in {events.hold_min:.1f} min that hold, exact Poisson "
                f"{low:.2f} … {high:.2f}")  # fmt: skip
 

@@ -164,7 +164,7 @@ def _summary(name: str, found: ShearFound) -> Row:
         f"px, {np.median(found.values('turning')):.0%} a turn; "
         f"{len(found.residuals)} of {found.videos} videos"
     )
-    return Row(name=name, value=float(np.median(non_rigid)), unit="share", goal="", ok=None,
+    return Row(name=name, value=float(np.median(non_rigid)), unit="share",
                note=note)  # fmt: skip
 
 

@@ -73,7 +73,7 @@ def follow(gel: Gel) -> Callable[[Sequence[PourRun]], list[PourRows]]:
     return partial(seen_pours, gel=gel)
 
 
-def render(folder: Path, on_step: Callable[[str], None] = lambda _: None) -> None:
+def render(folder: Path) -> None:
     """Follow the images of all pours that are not kept yet: four minutes of one core a gel."""
     import cv2
 
@@ -81,7 +81,6 @@ def render(folder: Path, on_step: Callable[[str], None] = lambda _: None) -> Non
     for part in range(PARTS):
         for cup in TESTED:
             for gel in GELS:
-                on_step(f"gel {gel}, part {part} of test cup {cup}")
                 keep_runs(
                     pose_file(folder, cup, f"paper-{part}", gel), paper_part(cup, part), follow(gel)
                 )
@@ -99,47 +98,36 @@ def rendered(folder: Path) -> dict[Gel, list[PourRows]]:
     return found
 
 
-def gel_warning_rows(
-    folder: Path | None = None, on_step: Callable[[str], None] = lambda _: None
-) -> list[Row]:
-    """Render what is missing, learn, choose thresholds, and judge on both versions.
-
-    Args:
-        folder: Where poses are kept.
-        on_step: Called with a line before each step.
-    """
-    place = folder or poses_folder()
-    second = layer_features(place, on_step=on_step)
+def gel_warning_rows() -> list[Row]:
+    """Render what is missing, learn, choose thresholds, and judge on both versions."""
+    place = poses_folder()
+    second = layer_features(place)
     shipped = [replace(shipped_warner(bundle), name=name) for bundle, name in SHIPPED.items()]
-    warners = [*shipped, *learnt_warners(second, on_step)]
-    render(place, on_step)
+    warners = [*shipped, *learnt_warners(second)]
+    render(place)
     return judge_rows(warners, rendered(place))
 
 
-def learnt_warners(
-    second: Sequence[PourFeatures], on_step: Callable[[str], None] = lambda _: None
-) -> list[Warner]:
+def learnt_warners(second: Sequence[PourFeatures]) -> list[Warner]:
     """Return the forecast learned on version 2, and the rule with a threshold from there.
 
     Args:
         second: Training pours of version 2, with noise.
-        on_step: Called with a line before each training.
     """
     promise = keep_promise(promised(rule_tracks(second)), PER_MIN)
     name = "the rule without learning, threshold of gel 2"
     rule = Warner(name, rule_drive, promise.threshold, kept(promise))
-    return [_learned(second, on_step), rule]
+    return [_learned(second), rule]
 
 
-def _learned(pours: Sequence[PourFeatures], on_step: Callable[[str], None]) -> Warner:
-    tracks = promised(out_of_fold(pours, "forecast", GOAL, on_step=on_step))
+def _learned(pours: Sequence[PourFeatures]) -> Warner:
+    tracks = promised(out_of_fold(pours, "forecast", GOAL))
     promise = keep_promise(tracks, PER_MIN)
     scores = score_warnings(tracks, promise.threshold)[0].events
     note = (
         f"{kept(promise)}, where it warns {scores.lead_median_s:.2f} s before and misses "
         f"{scores.missed_share:.3f} of {scores.events}"
     )
-    on_step("forecast, all training cups, gel 2")
     drive = partial(head_drive, fit_head(pours, "forecast", GOAL))
     return Warner("learned on gel 2", drive, promise.threshold, note)
 
@@ -178,8 +166,8 @@ def _rows(name: str, tracks: Sequence[WarningTrack], warner: Warner, *, goals: b
     slid = ", ".join(f"{what} {count}" for what, count in scores.alarms_by_slip.items())
     alarmed = f"95 % {low:.2f} … {high:.2f}, cups resampled; by the pour's largest slip: {slid}"
     least, most = events.missed_interval
-    missed = Row(name=f"{name}: missed", value=float(events.missed_share), unit="share", goal="",
-                 ok=None, note=f"95 % {least:.3f} … {most:.3f}")  # fmt: skip
+    missed = Row(name=f"{name}: missed", value=float(events.missed_share), unit="share",
+                 note=f"95 % {least:.3f} … {most:.3f}")  # fmt: skip
     rate = events.false_alarms_per_min
     if goals:
         return [
@@ -188,7 +176,7 @@ def _rows(name: str, tracks: Sequence[WarningTrack], warner: Warner, *, goals: b
             row(alarms, rate, "1/min", "<=", _MOST_PER_MIN, alarmed),
         ]
     return [
-        Row(name=lead, value=float(events.lead_median_s), unit="s", goal="", ok=None, note=about),
+        Row(name=lead, value=float(events.lead_median_s), unit="s", note=about),
         missed,
-        Row(name=alarms, value=float(rate), unit="1/min", goal="", ok=None, note=alarmed),
+        Row(name=alarms, value=float(rate), unit="1/min", note=alarmed),
     ]

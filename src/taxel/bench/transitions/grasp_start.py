@@ -10,7 +10,7 @@ Source: docs/decisions/0045.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -99,7 +99,7 @@ def detect(run: PourRun) -> Detection:
     )
 
 
-def render(folder: Path, on_step: Callable[[str], None] = lambda _: None) -> None:
+def render(folder: Path) -> None:
     """Simulate what is not kept yet: about ten minutes of one core."""
     import cv2
 
@@ -107,7 +107,6 @@ def render(folder: Path, on_step: Callable[[str], None] = lambda _: None) -> Non
     folder.mkdir(parents=True, exist_ok=True)
     for name, run in start_runs():
         if not (folder / name).exists():
-            on_step(f"start of a grasp, {name}")
             write_whole(folder / name, json.dumps(asdict(detect(run))).encode())
 
 
@@ -121,9 +120,9 @@ def kept(folder: Path) -> list[Detection]:
     return found
 
 
-def grasp_start_rows(on_step: Callable[[str], None] = lambda _: None) -> list[Row]:
+def grasp_start_rows() -> list[Row]:
     """Simulate what is missing and return the rows."""
-    render(starts_folder(), on_step)
+    render(starts_folder())
     return rows_of(kept(starts_folder()))
 
 

@@ -10,7 +10,7 @@ Source: docs/decisions/0045.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from scipy.stats import binomtest
@@ -32,13 +32,12 @@ BUNDLE = RULE
 _KINDS: tuple[Kind, ...] = (*MOVING_KINDS, "pour")
 
 
-def render(folder: Path, on_step: Callable[[str], None] = lambda _: None) -> None:
+def render(folder: Path) -> None:
     """Follow the images of all cups that are not kept yet: about twenty minutes of one core."""
     import cv2
 
     cv2.setNumThreads(1)
     for cup in TEST_CUPS:
-        on_step(f"moving grasps of cup {cup}")
         keep_runs(_file(folder, cup), moving_part(cup))
 
 
@@ -52,9 +51,9 @@ def kept(folder: Path) -> list[PourFeatures]:
     ]
 
 
-def moving_rows(on_step: Callable[[str], None] = lambda _: None) -> list[Row]:
+def moving_rows() -> list[Row]:
     """Render what is missing and return a few rows a kind."""
-    render(poses_folder(), on_step)
+    render(poses_folder())
     return rows_of(kept(poses_folder()))
 
 
@@ -115,7 +114,7 @@ def _kind_rows(kind: Kind, tracks: Sequence[StateTrack]) -> list[Row]:
 
 def _row(name: str, value: float, unit: str, note: str) -> Row:
     known = None if value != value else float(value)
-    return Row(name=name, value=known, unit=unit, goal="", ok=None, note=note)
+    return Row(name=name, value=known, unit=unit, note=note)
 
 
 def _file(folder: Path, cup: int) -> Path:

@@ -8,7 +8,7 @@ Background of our choices: docs/decisions/0059.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -83,15 +83,12 @@ class _Both:
     changed: Rows
 
 
-def sim_to_real_rows(
-    features: str, data: Path | None, on_step: Callable[[str], None] = lambda line: None
-) -> list[Row]:
+def sim_to_real_rows(features: str, data: Path | None) -> list[Row]:
     """Learn from simulated trials, alone and beside few or all real objects; test by object.
 
     Args:
         features: "touch encoder", "gel features" or "grey differences".
         data: Folder that holds gelsight-slip; None says that it is missing.
-        on_step: Called with a line at each fold.
     """
     from taxel.evaluation.camera_trials.probe import Labelled, commonest
     from taxel.evaluation.camera_trials.simulated_trials import GREY
@@ -100,7 +97,7 @@ def sim_to_real_rows(
     if study is None:
         return [missing(f"{NAME}: {features}, simulation alone", "accuracy", "", NO_DATA)]
     probed = study.probed
-    rows = _feature_rows(probed, features, study.domains(features), on_step)
+    rows = _feature_rows(probed, features, study.domains(features))
     if features != GREY:
         return rows
     labelled = Labelled(np.arange(len(probed.y)), probed.y, probed.objects)
@@ -108,9 +105,7 @@ def sim_to_real_rows(
     return [_row(probed, "commonest class", bar[None], ""), *rows]  # once, beside the first
 
 
-def painted_study_rows(
-    data: Path | None, on_step: Callable[[str], None] = lambda line: None
-) -> list[Row]:
+def painted_study_rows(data: Path | None) -> list[Row]:
     """The same from images that the generator of tactile-mnist paints, where its wheel is there."""
     from taxel.evaluation.camera_trials.cycle_gan import WHEEL
     from taxel.training.frames.features import default_cache
@@ -122,7 +117,7 @@ def painted_study_rows(
     study = _study(data)
     if study is None:
         return [missing(name, "accuracy", "", NO_DATA)]
-    return _painted(study, wheel, on_step)
+    return _painted(study, wheel)
 
 
 @cache
@@ -130,6 +125,7 @@ def _study(data: Path | None) -> _Study | None:
     """Return the study's trials; None without the recordings."""
     if data is None or not (data / "gelsight-slip").exists():
         return None
+    from taxel.evaluation.camera_trials.encoder_study import slip_probe_set
     from taxel.evaluation.camera_trials.simulated_trials import choose_trials, simulated_rows
     from taxel.training.encoder.stored import shipped_encoder
     from taxel.windows.camera_trials import read_camera_trials
@@ -139,12 +135,10 @@ def _study(data: Path | None) -> _Study | None:
     trials = choose_trials(FIRST_CUP, CUPS, MOST, folder)
     plain, copies = simulated_rows(trials, encoder, folder)
     both = {features: _Both(rows, copies[features]) for features, rows in plain.items()}
-    return _Study(_probed(found), found, trials, both, encoder, folder)
+    return _Study(slip_probe_set(found), found, trials, both, encoder, folder)
 
 
-def _feature_rows(
-    probed: ProbeSet, feature: str, domains: _Domains, on_step: Callable[[str], None]
-) -> list[Row]:
+def _feature_rows(probed: ProbeSet, feature: str, domains: _Domains) -> list[Row]:
     """Return the rows of one kind of features."""
     from taxel.evaluation.camera_trials.sim_to_real import transfer
 
@@ -154,7 +148,6 @@ def _feature_rows(
         return transfer(
             simulated, domains.real, probed.split, objects, ranking=ranking,
             draws=DRAWS if objects else 1,
-            on_step=lambda line: on_step(f"{feature}, {objects} objects, {line}"),
         )  # fmt: skip
 
     trained = _on_training_objects(probed, domains)
@@ -203,7 +196,7 @@ def _on_training_objects(probed: ProbeSet, domains: _Domains) -> dict[Ranking, s
     return found
 
 
-def _painted(study: _Study, wheel: Path, on_step: Callable[[str], None]) -> list[Row]:
+def _painted(study: _Study, wheel: Path) -> list[Row]:
     """Return what the generator's images are worth, beside our own images of the same crops."""
     from taxel.evaluation.camera_trials.cycle_gan import paint, painted_rows, read_generator
     from taxel.evaluation.camera_trials.sim_to_real import transfer
@@ -216,7 +209,6 @@ def _painted(study: _Study, wheel: Path, on_step: Callable[[str], None]) -> list
     chosen_trials = _one_of_each(trials)
     images = painted_rows(
         generator, [trials[at] for at in chosen_trials], MIDDLE_CROP, study.encoder, study.cache,
-        lambda done, of: on_step(f"painting {done}/{of}"),
     )  # fmt: skip
     y = np.array([trials[at].slipped for at in chosen_trials]).astype(np.intp)
     cups = np.array([trials[at].cup for at in chosen_trials])
@@ -271,7 +263,7 @@ def _row(
             f"[{more.auc_interval[0]:+.3f}, {more.auc_interval[1]:+.3f}]"
         )
     text += f"; {note}" if note else ""
-    return Row(name=f"{NAME}: {what}", value=scores.accuracy, unit="accuracy", goal="", ok=None,
+    return Row(name=f"{NAME}: {what}", value=scores.accuracy, unit="accuracy",
                note=text)  # fmt: skip
 
 
@@ -289,19 +281,6 @@ def _of_simulated(trials: Sequence[SimulatedTrial], *copies: Rows) -> Learning:
     together = np.concatenate(each, axis=1)
     cups = np.array([trial.cup for trial in trials])
     return _learning(together.reshape(-1, together.shape[2]), y, cups)
-
-
-def _probed(trials: Sequence[CameraTrial]) -> ProbeSet:
-    """Return labels, objects and folds of gelsight-slip."""
-    from taxel.evaluation.camera_trials.encoder_study import ProbeSet
-    from taxel.evaluation.camera_trials.sides import split_trials
-
-    y = np.array([trial.labels["outcome"] == "slip" for trial in trials]).astype(np.intp)
-    groups = [trial.groups for trial in trials]
-    return ProbeSet(
-        y=y, objects=np.array([own["object"] for own in groups]),
-        split=split_trials(groups, y, "group:object", 5, 0), videos=(),
-    )  # fmt: skip
 
 
 def _cache(encoder: nn.Module) -> Path:

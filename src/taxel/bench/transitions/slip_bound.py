@@ -7,7 +7,7 @@ Source: docs/decisions/0036.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from taxel.bench.rows import Row
@@ -39,18 +39,11 @@ _PAPERS: Final = ("pour", "still")
 _LESS: Final = "no-slip pour"
 
 
-def bound_rows(
-    cups: Sequence[int] = TEST_CUPS, on_step: Callable[[str], None] = lambda _: None
-) -> list[Row]:
-    """Judge observers on the paper's pours, and on those of less: minutes of one core.
-
-    Args:
-        cups: Their numbers.
-        on_step: Called with a line before each part.
-    """
-    less = [run for cup in cups for part in (0, 1) for run in other_part(cup, part)]
-    runs = [run for cup in cups for run in paper_runs(cup)]
-    known = foresee(runs + [run for run in less if run.kind == _LESS], on_step)
+def bound_rows() -> list[Row]:
+    """Judge observers on the paper's pours, and on those of less: minutes of one core."""
+    less = [run for cup in TEST_CUPS for part in (0, 1) for run in other_part(cup, part)]
+    runs = [run for cup in TEST_CUPS for run in paper_runs(cup)]
+    known = foresee(runs + [run for run in less if run.kind == _LESS])
     rows = []
     for knows, drive in OBSERVERS.items():
         for late_s in LATE_S:
@@ -78,8 +71,6 @@ def _row(name: str, tracks: Sequence[WarningTrack]) -> Row:
         name=f"slip warning, bound: {name}: median lead before 300 um",
         value=of_papers.lead_median_s,
         unit="s",
-        goal="",
-        ok=None,
         note=f"95 % {low:.2f} … {high:.2f}; 5 % {of_papers.lead_p5_s:.2f} s, missed "
         f"{of_papers.missed_share:.3f} of {of_papers.events}; "
         f"{of_papers.false_alarms_per_min:.2f} false alarms a minute in "

@@ -94,13 +94,12 @@ def test_parts() -> Iterator[tuple[str, list[PourRun]]]:
                 yield f"{cup}-other-{part}.npz", other_part(cup, part)
 
 
-def render(folder: Path, on_step: Callable[[str], None] = lambda _: None) -> None:
+def render(folder: Path) -> None:
     """Follow the images of all test cups that are not kept yet: about an hour of one core."""
     import cv2
 
     cv2.setNumThreads(1)
     for name, runs in test_parts():
-        on_step(name)
         keep_runs(folder / name, runs)
 
 
@@ -197,33 +196,28 @@ def _errors(
     return slip - true, true[:, 2], slip[:, 2]
 
 
-def slip_warning_rows(
-    folder: Path | None = None, on_step: Callable[[str], None] = lambda _: None
-) -> list[Row]:
+def slip_warning_rows() -> list[Row]:
     """Render what is missing, learn what is compared, and judge on test cups."""
-    place = folder or poses_folder()
-    train = training_features(place, COMPARED_CUPS, on_step)
-    render(place, on_step)
+    place = poses_folder()
+    train = training_features(place, COMPARED_CUPS)
+    render(place)
     test = rendered(place)
-    return budget_row(test) + judge_rows(train, test, on_step)
+    return budget_row(test) + judge_rows(train, test)
 
 
 def judge_rows(
     train: Sequence[PourFeatures],
     test: Sequence[PourFeatures],
-    on_step: Callable[[str], None] = lambda _: None,
 ) -> list[Row]:
     """Return the rows of what comes with taxel as it is, and of heads learned to compare with.
 
     Args:
         train: Training pours for the heads to compare with, thresholds too.
         test: Pours of test cups.
-        on_step: Called with a line before each training.
     """
     rows = _rows("slip warning, forecast", shipped_warner(CUP_POUR), test, lead_s=0.35, goals=True)
     for name in COMPARED:
-        tracks = promised(out_of_fold(train, name, on_step=on_step))
-        on_step(f"{name}, all training cups")
+        tracks = promised(out_of_fold(train, name))
         promise = keep_promise(tracks, PER_MIN)
         warner = Warner(
             name, partial(head_drive, fit_head(train, name)), promise.threshold, kept(promise)
@@ -323,10 +317,10 @@ def _late_row(name: str, tracks: Sequence[WarningTrack], threshold: float) -> Ro
     own = [track for track in tracks if track.groups["kind"] == "late slip"]
     what = f"{name}: median lead, late slips"
     if not any(track.event_s is not None for track in own):
-        return Row(name=what, value=None, unit="s", goal="", ok=None, note="none rendered yet")
+        return Row(name=what, value=None, unit="s", note="none rendered yet")
     scores, _ = score_warnings(own, threshold)
     events = scores.events
-    return Row(name=what, value=events.lead_median_s, unit="s", goal="", ok=None,
+    return Row(name=what, value=events.lead_median_s, unit="s",
                note=f"{events.events} slips, missed {events.missed_share:.2f}; false alarms "
                f"{events.false_alarms} in {events.hold_min:.1f} min")  # fmt: skip
 
@@ -339,11 +333,11 @@ def _group_row(name: str, key: str, tracks: Sequence[WarningTrack], threshold: f
         for value, scores in by_group(outcomes, key).items()
     ]
     return Row(name=f"{name}: lead, missed and false alarms by {key}", value=None, unit="",
-               goal="", ok=None, note="; ".join(parts))  # fmt: skip
+               note="; ".join(parts))  # fmt: skip
 
 
 def _without_goal(row: Row) -> Row:
-    return Row(name=row.name, value=row.value, unit=row.unit, goal="", ok=None, note=row.note)
+    return Row(name=row.name, value=row.value, unit=row.unit, note=row.note)
 
 
 def _about(scores: WarningScores, warner: Warner) -> str:

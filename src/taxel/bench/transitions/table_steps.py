@@ -124,5 +124,5 @@ def step_rows(model: TransitionModel, way: str, rounds: list[StepTime]) -> list[
     if best.share is not None:
         note = f"of {best.limit_gflops:.0f} GFLOP/s, the most of {len(rounds)} rounds"
         rows.append(Row(name=grasp_row(model.name, best.frames, f"{STEP_SHARE}{behind}"),
-                        value=best.share, unit="share", goal="", ok=None, note=note))  # fmt: skip
+                        value=best.share, unit="share", note=note))  # fmt: skip
     return rows

@@ -8,14 +8,14 @@ Background of our choices: docs/decisions/0058.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxel.bench.rows import Row, missing, quietest, row, stored
+from taxel.bench.rows import Row, accuracy_row, missing, quietest, row, stored
 from taxel.bench.transitions.slip_trials import NAME as TRIALS
 
 if TYPE_CHECKING:
@@ -93,20 +93,26 @@ def _image_times(
     return times, spent
 
 
-def probe_rows(data: Path | None, on_step: Callable[[str], None] = lambda line: None) -> list[Row]:
+def probe_rows(data: Path | None) -> list[Row]:
     """Probe the encoder that comes with taxel beside the others; it never saw a real image."""
     goal = f"> 0, p < {LEVEL:g}"
     if data is None or not (data / "gelsight-slip").exists():
         why = "no recordings: name their folder with --data"
         return [missing(f"{NAME}: touch encoder less {other}", "accuracy", goal, why)
                 for other in MOST_OF]  # fmt: skip
-    from taxel.evaluation.camera_trials.encoder_study import few_objects, probe_all
+    from taxel.evaluation.camera_trials.encoder_study import (
+        few_objects,
+        probe_all,
+        slip_probe_set,
+    )
     from taxel.evaluation.camera_trials.probe import commonest
+    from taxel.training.encoder.videos import read_touch_videos
+    from taxel.windows.camera_trials import read_camera_trials
 
     folder = data / "gelsight-slip"
-    probed = _probe_set(folder)
+    probed = slip_probe_set(read_camera_trials(folder), read_touch_videos(folder))
     rows = {TOUCH: _rows_of_ours(probed), **_rows_of_others(folder, probed)}
-    found = probe_all(probed, rows, on_step)
+    found = probe_all(probed, rows)
     found["commonest class"] = commonest(probed.labelled, probed.split)
     return [
         *_table(probed, found),
@@ -120,25 +126,8 @@ def _few_row(few: tuple[float, float]) -> Row:
     name, forest = f"{NAME}, {FEW} labelled objects: touch encoder", _forest()
     note = f"± {few[1]:.3f} over {DRAWS} draws; goal: a forest on grey differences, all objects"
     if forest is None:
-        return Row(name=name, value=few[0], unit="accuracy", goal="", ok=None, note=note)
+        return accuracy_row(name, few[0], note)
     return row(name, few[0], "accuracy", ">=", forest, note)
-
-
-def _probe_set(folder: Path) -> ProbeSet:
-    from taxel.evaluation.camera_trials.encoder_study import ProbeSet
-    from taxel.evaluation.camera_trials.sides import split_trials
-    from taxel.training.encoder.videos import read_touch_videos
-    from taxel.windows.camera_trials import read_camera_trials
-
-    trials = read_camera_trials(folder)
-    y = np.array([trial.labels["outcome"] == "slip" for trial in trials]).astype(np.intp)
-    groups = [trial.groups for trial in trials]
-    return ProbeSet(
-        y=y,
-        objects=np.array([own["object"] for own in groups]),
-        split=split_trials(groups, y, "group:object", 5, 0),
-        videos=read_touch_videos(folder),
-    )
 
 
 def _rows_of_ours(probed: ProbeSet) -> list[Rows]:
@@ -188,7 +177,7 @@ def _table(probed: ProbeSet, found: Mapping[str, ProbeResult]) -> list[Row]:
         low, high = scores.accuracy_interval
         label = "touch, simulation only" if name == TOUCH else name
         rows.append(
-            Row(name=f"{NAME}: {label}", value=scores.accuracy, unit="accuracy", goal="", ok=None,
+            Row(name=f"{NAME}: {label}", value=scores.accuracy, unit="accuracy",
                 note=f"95 % CI over objects [{low:.3f}, {high:.3f}]; AUC {scores.auc:.3f}; "
                 f"log-loss {scores.loss:.3f}{inner}")
         )  # fmt: skip

@@ -20,7 +20,7 @@ from rich.table import Table
 from taxel import __version__
 from taxel.cli.printing import console, print_json, progress, say, say_aside
 from taxel.errors import BadDataset, BadInput, BadSource
-from taxel.plain_text import visible
+from taxel.plain_text import finite, visible
 from taxel.recordings.whole import write_whole
 from taxel.signals import Samples, SensorInfo, Validity
 
@@ -211,7 +211,7 @@ def _document(address: str, info: SensorInfo, found: Sequence[Durability]) -> di
         "source": address,
         "sensor": {"name": info.name, "serial": info.serial},
         "unit": info.units[0],
-        "channels": [_plain(asdict(channel)) for channel in found],
+        "channels": [finite(asdict(channel)) for channel in found],
         "notes": [
             "lost: by a straight line through the logarithms of the heights of the commonest "
             "rate's taps, stated for 10,000 taps; below 0 is a gain; 95 % in brackets",
@@ -219,15 +219,6 @@ def _document(address: str, info: SensorInfo, found: Sequence[Durability]) -> di
             "the speed of the finger or machine that taps",
         ],
     }
-
-
-def _plain(value: Any) -> Any:
-    """Return what JSON can hold: numbers that are not finite become null."""
-    if isinstance(value, dict):
-        return {key: _plain(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _with_ends(ends: Sequence[float | None], factor: float, form: str, unit: str = "") -> str:

@@ -17,7 +17,7 @@ import tyro
 from taxel.cli.devices.flash_tools import BOARDS, BoardKind, commands, find_sketch
 from taxel.cli.options.rules import Only
 from taxel.cli.printing import print_json, say, say_aside
-from taxel.clock import Clock, SystemClock
+from taxel.clock import SystemClock
 from taxel.errors import BadInput, BadSource, MissingExtra
 from taxel.plain_text import number_of, shell_words
 from taxel.wire.framing import FrameDecoder, frame_of
@@ -188,34 +188,33 @@ def check_port(path: str, baud: int) -> None:
         port.close()
 
 
-def hear_hello(path: str, baud: int, wait_s: float, clock: Clock | None = None) -> Hello:
+def hear_hello(path: str, baud: int, wait_s: float) -> Hello:
     """Return what a board says it is, asking until it answers.
 
     Args:
         path: Its port; opening it restarts an Arduino.
         baud: Bits a second.
         wait_s: How long to wait, seconds.
-        clock: The host's.
 
     Raises:
         BadSource: The port is not there, or no hello came.
         MissingExtra: There is no pyserial.
     """
-    used_clock = clock or SystemClock()
-    port, decoder, heard = _serial_port()(path, baud, used_clock), FrameDecoder(), 0
+    clock = SystemClock()
+    port, decoder, heard = _serial_port()(path, baud, clock), FrameDecoder(), 0
     try:
-        until_s, ask_s = used_clock.now_s() + wait_s, used_clock.now_s()
-        while used_clock.now_s() < until_s:
+        until_s, ask_s = clock.now_s() + wait_s, clock.now_s()
+        while clock.now_s() < until_s:
             for chunk in port.take():
                 heard += len(chunk.data)
                 for payload in decoder.feed(chunk.data):
                     message = unpack(payload)
                     if isinstance(message, Hello):
                         return message
-            if port.is_open and used_clock.now_s() >= ask_s:
+            if port.is_open and clock.now_s() >= ask_s:
                 port.write(_IDENTIFY)
-                ask_s = used_clock.now_s() + _ASK_S
-            used_clock.sleep(0.005)
+                ask_s = clock.now_s() + _ASK_S
+            clock.sleep(0.005)
         got = port.trouble if not port.is_open else f"{number_of(heard, 'byte')} and no hello"
     finally:
         port.close()

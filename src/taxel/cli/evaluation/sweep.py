@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -16,7 +15,7 @@ from taxel.cli.options.rules import Only
 from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import console, print_json, progress, say, say_aside
 from taxel.errors import BadInput
-from taxel.plain_text import number_of
+from taxel.plain_text import finite, number_of
 from taxel.recordings.whole import write_whole
 
 if TYPE_CHECKING:
@@ -210,11 +209,7 @@ class Sweep:
             )  # fmt: skip
 
     def _print(self, points: list[FaultPoint], about: str, chance: float, cameras: bool) -> None:
-        rows = [
-            {key: None if isinstance(value, float) and not math.isfinite(value) else value
-             for key, value in asdict(point).items()}
-            for point in points
-        ]  # fmt: skip
+        rows = [finite(asdict(point)) for point in points]
         # Printed first: what took minutes to measure is not lost where a file cannot be written.
         if self.json:
             print_json(rows)

@@ -115,7 +115,7 @@ def _run_source(
         )
         notices.print_new(tallies)
         return tallies
-    from taxel.views.live import LiveView
+    from taxel.views.live_screen import LiveView
 
     with LiveView(console, source.info, recognisers, newtons) as view:
         return run_session(source, recognisers, options.seconds, view.show, options.rules, stopped)

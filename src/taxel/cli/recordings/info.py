@@ -19,7 +19,7 @@ from taxel.cli.recordings.info_table import describe_table, is_trial_table, refu
 from taxel.labels.class_order import in_order
 from taxel.plain_text import number_of, visible, visible_names
 from taxel.recordings.reader import list_recordings
-from taxel.recordings.summary import summarise
+from taxel.recordings.summary import recorded_s, summarise
 from taxel.recordings.tally import camera_line
 
 _NAMES = 6
@@ -149,7 +149,7 @@ def _folder_table(rows: list[dict[str, Any]]) -> Table:
     """Return a line for each recording, with the columns that say something of one of them."""
     columns: dict[str, list[str]] = {
         "scans": [str(row["scans"]) for row in rows],
-        "s": [f"{_seconds(row):.2f}" for row in rows],
+        "s": [f"{recorded_s(row):.2f}" for row in rows],
         "scans/s": ["" if row["rate_hz"] is None else f"{row['rate_hz']:.1f}" for row in rows],
         "lost": [str(row["lost_scans"]) for row in rows],
         "frames": [str(_frames(row) or "") for row in rows],
@@ -170,7 +170,7 @@ def _folder_table(rows: list[dict[str, Any]]) -> Table:
 
 def _print_totals(path: Path, rows: list[dict[str, Any]]) -> None:
     scans = sum(row["scans"] for row in rows)
-    seconds = sum(map(_seconds, rows))
+    seconds = sum(map(recorded_s, rows))
     frames = sum(map(_frames, rows))
     parts = [number_of(scans, "scan")] + [number_of(frames, "frame")] * (frames > 0)
     held = ", ".join([*parts, f"{seconds:.1f} s"])
@@ -234,11 +234,6 @@ def _span(values: list[str]) -> str:
 
 def _frames(row: dict[str, Any]) -> int:
     return sum(camera["frames"] for camera in row["cameras"])
-
-
-def _seconds(row: dict[str, Any]) -> float:
-    """Return how long the array or the longest camera was recorded."""
-    return max(float(entry["duration_s"]) for entry in (row, *row["cameras"]))
 
 
 def _pairs(pairs: dict[str, Any]) -> str:

@@ -16,7 +16,7 @@ from taxel.cli.printing import command, progress
 from taxel.errors import BadRecording, BadTable
 from taxel.labels.class_order import in_order
 from taxel.plain_text import number_of, visible, visible_names
-from taxel.recordings.imports.table_columns import read_cells
+from taxel.recordings.imports.value_tables.table_columns import read_cells
 from taxel.recordings.imports.video_rows import SPLIT, names_videos
 
 if TYPE_CHECKING:

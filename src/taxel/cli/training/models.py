@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from rich.table import Table
 
@@ -24,21 +25,29 @@ class Models:
 
     def run(self) -> None:
         """Print the lists."""
-        from taxel.evaluation.usual_split import IN_WORDS
+        rows = self._rows()
+        if self.json:
+            print_json(rows)
+            return
+        console.print(self._models_table(rows))
+        console.print(_recipes_table())
+
+    def _rows(self) -> list[dict[str, Any]]:
+        """Return what is known of each model, as --json prints it."""
         from taxel.models.catalogue import MODELS, Network, count_parameters
         from taxel.models.transition import TRANSITION_MODELS
-        from taxel.training.recipes import RECIPES
 
-        rows = []
+        rows: list[dict[str, Any]] = []
         for name, model in MODELS.items():
-            parameters = None
+            parameters, kind = None, "baseline"
             if isinstance(model, Network):
+                kind = "network"
                 parameters = count_parameters(model.build(self.steps, self.channels, self.classes))
             rows.append(
                 {
                     "name": name,
                     "parameters": parameters,
-                    "kind": "network" if isinstance(model, Network) else "baseline",
+                    "kind": kind,
                     "scaling": model.scaling,
                     "summary": model.summary,
                     "source": model.source,
@@ -55,9 +64,9 @@ class Models:
                     "source": "Sensors 2024, 24, 5080" if transition.published else "ours",
                 }
             )
-        if self.json:
-            print_json(rows)
-            return
+        return rows
+
+    def _models_table(self, rows: list[dict[str, Any]]) -> Table:
         table = Table(
             title=f"models, for windows of {self.steps} × {self.channels} "
             f"and {self.classes} classes; grasp transitions: 8 frames of 2 cameras",
@@ -67,14 +76,19 @@ class Models:
             table.add_column(column, justify="right" if column == "parameters" else "left")
         for row in rows:
             count = f"{row['parameters']:,}" if row["parameters"] else "–"
-            table.add_row(str(row["name"]), count, str(row["summary"]), str(row["source"]))
-        console.print(table)
-        recipes = Table(title="recipes (--recipe)", title_justify="left")
-        for column in ("name", "for", "model", "window", "split"):
-            recipes.add_column(column)
-        for name, recipe in RECIPES.items():
-            window = f"{recipe.window.steps} rows" + (
-                f", gate {recipe.window.gate:g}" if recipe.window.gate is not None else ""
-            )
-            recipes.add_row(name, recipe.summary, recipe.model, window, recipe.split or IN_WORDS)
-        console.print(recipes)
+            table.add_row(row["name"], count, row["summary"], row["source"])
+        return table
+
+
+def _recipes_table() -> Table:
+    from taxel.evaluation.usual_split import IN_WORDS
+    from taxel.training.recipes import RECIPES
+
+    table = Table(title="recipes (--recipe)", title_justify="left")
+    for column in ("name", "for", "model", "window", "split"):
+        table.add_column(column)
+    for name, recipe in RECIPES.items():
+        gate = "" if recipe.window.gate is None else f", gate {recipe.window.gate:g}"
+        window = f"{recipe.window.steps} rows{gate}"
+        table.add_row(name, recipe.summary, recipe.model, window, recipe.split or IN_WORDS)
+    return table

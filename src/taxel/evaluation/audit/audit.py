@@ -13,6 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from taxel.evaluation.audit.both_sides import (
+    SESSIONS_UNKNOWN,
+    future_labels,
+    one_class_folds,
+    shared_moments,
+    shared_names,
+)
 from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.constant_rows import constant_rows
 from taxel.evaluation.audit.copies import exact_copies, near_copies, same_rows
@@ -26,6 +33,7 @@ from taxel.evaluation.audit.copy_findings import (
 from taxel.evaluation.audit.cut_windows import beside_windows, cut_windows
 from taxel.evaluation.audit.evidence import trial_folds
 from taxel.evaluation.audit.finding import Audit, Finding, holm, sort_findings
+from taxel.evaluation.audit.fitted_scaling import scaled_run, scaled_values
 from taxel.evaluation.audit.frame_words import as_frames
 from taxel.evaluation.audit.gaps import Gap, measure_gaps
 from taxel.evaluation.audit.label_channels import CLEAR as NO_LABEL_CHANNELS
@@ -37,18 +45,10 @@ from taxel.evaluation.audit.label_channels import (
 from taxel.evaluation.audit.names import near_names
 from taxel.evaluation.audit.noise import left_out
 from taxel.evaluation.audit.nuisances import read_first, read_length, read_level, read_place
-from taxel.evaluation.audit.order import measure_order
+from taxel.evaluation.audit.order_effect import measure_order
 from taxel.evaluation.audit.origins import read_origins
-from taxel.evaluation.audit.scaled import scaled_run, scaled_values
-from taxel.evaluation.audit.shared import (
-    SESSIONS_UNKNOWN,
-    future_labels,
-    one_class_folds,
-    shared_moments,
-    shared_names,
-)
 from taxel.evaluation.audit.sides import Sides
-from taxel.evaluation.audit.single import is_single, single_facts
+from taxel.evaluation.audit.single_copies import is_single, single_facts
 from taxel.evaluation.audit.touch_set import (
     Pieces,
     TouchSet,

@@ -90,6 +90,10 @@ def rows_folds(folds: list[Fold], trial: NDArray[np.intp]) -> list[Fold]:
     """Return folds of trials as folds of rows that belong to trials.
 
     Folds that have no row to train on, or none to test, are left out.
+
+    Args:
+        folds: Of trials.
+        trial: Each row's trial, shape (rows,).
     """
     found = [
         (np.flatnonzero(np.isin(trial, train)), np.flatnonzero(np.isin(trial, test)))

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from taxel.evaluation.audit.both_sides import Partners, commonest, looked_up
 from taxel.evaluation.audit.case import Case
 from taxel.evaluation.audit.copies import ENOUGH, Pairs, rows_in_common
 from taxel.evaluation.audit.evidence import SURE, sign_p, trial_folds
 from taxel.evaluation.audit.finding import LITTLE, Finding
-from taxel.evaluation.audit.shared import Partners, commonest, looked_up
 from taxel.evaluation.audit.sides import Sides
 from taxel.evaluation.audit.touch_set import LEAST_ROWS, Pieces, TouchSet
 from taxel.labels.trials import OBJECTS, SESSIONS

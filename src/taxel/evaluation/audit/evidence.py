@@ -80,7 +80,13 @@ _MANY_CLASSES = "The number of unique classes is greater than 50% of the number 
 
 
 def trial_folds(y: NDArray[np.intp], groups: NDArray[np.str_] | None, seed: int) -> list[Fold]:
-    """Return folds that hold out whole groups, or whole trials where there are none."""
+    """Return folds that hold out whole groups, or whole trials where there are none.
+
+    Args:
+        y: Each trial's class, shape (trials,).
+        groups: Each trial's group, shape (trials,); None holds out single trials.
+        seed: Of the folds.
+    """
     count = min(FOLDS, int(np.bincount(y).max()), len(y if groups is None else set(groups)))
     kind = StratifiedKFold if groups is None else StratifiedGroupKFold
     splitter = kind(count, shuffle=True, random_state=seed)
@@ -100,6 +106,12 @@ def predict(
     """Return each row's probabilities by a model that never saw its fold, shape (n, classes).
 
     Rows that no fold tests stay NaN.
+
+    Args:
+        features: Shape (n, columns).
+        y: Each row's class, shape (n,).
+        folds: Rows to train on and rows to test.
+        seed: Of the trees.
     """
     classes = int(y.max()) + 1
     found = np.full((len(y), classes), np.nan)
@@ -118,6 +130,11 @@ def look_up(names: NDArray[np.str_], y: NDArray[np.intp], folds: Sequence[Fold])
     """Return shares of the classes among training rows of the same name, shape (n, classes).
 
     A name that training never saw gets the shares of all training rows.
+
+    Args:
+        names: Each row's, shape (n,).
+        y: Each row's class, shape (n,).
+        folds: Rows to train on and rows to test.
     """
     classes = int(y.max()) + 1
     found = np.full((len(y), classes), np.nan)
@@ -132,7 +149,12 @@ def look_up(names: NDArray[np.str_], y: NDArray[np.intp], folds: Sequence[Fold])
 
 
 def majority(y: NDArray[np.intp], folds: Sequence[Fold]) -> float:
-    """Return the share of the commonest class in all test parts: the best single answer."""
+    """Return the share of the commonest class in all test parts: the best single answer.
+
+    Args:
+        y: Each row's class, shape (n,).
+        folds: Rows to train on and rows to test.
+    """
     tested = np.concatenate([y[test] for _, test in folds])
     return float(np.bincount(tested).max() / len(tested))
 

@@ -224,7 +224,12 @@ def _lone_channel(case: Case, means: NDArray[np.float64], way: float) -> tuple[s
 
 
 def trial_evidence(case: Case, features: NDArray[np.floating]) -> LabelEvidence:
-    """Return how well one row of features a trial predicts the label, under the case's folds."""
+    """Return how well one row of features a trial predicts the label, under the case's folds.
+
+    Args:
+        case: The audit under way.
+        features: Shape (trials, columns).
+    """
     y = case.touch.y
     found = predict(features, y, case.folds, case.seed)
     return evidence_of(found, y, np.arange(len(y)), case.groups, case.folds)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.evidence import LabelEvidence, evidence_of, look_up, predict
 from taxel.evaluation.audit.finding import Verdict
-from taxel.evaluation.audit.orders import NUMBERS, recorded_order
+from taxel.evaluation.audit.trial_order import NUMBERS, recorded_order
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import OBJECTS, SESSIONS, Trial
 from taxel.plain_text import several

@@ -32,7 +32,7 @@ from taxel.windows.checks import check_size
 
 SQUARES = (6, 8)
 """Rows and columns that a camera's frame is shrunk to. Source: the first-frame control of
-`slip_crops`, docs/decisions/0023."""
+camera trials, docs/decisions/0023."""
 MOST = 50_000_000
 """Values that are held, 200 MB; a row counts as eight at least. Our choice, docs/decisions/0023."""
 LEAST_RATE_HZ = 150.0

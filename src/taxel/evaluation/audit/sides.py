@@ -234,18 +234,13 @@ _Piece = tuple[int, int, int, str, float]
 
 
 def _pieces_of(touch: TouchSet, row: FoldRow, steps: int, table: FoldTable) -> list[_Piece]:
-    where = table.where(row)
+    """Return what a row of the table names: whole trials, or a stretch of one.
+
+    Empty where it lies in a trial that is left out.
+    """
     trials = [i for i, trial in enumerate(touch.trials) if trial.groups.get(row.key) == row.value]
     left_out = [trial for trial in touch.left_out if trial.groups.get(row.key) == row.value]
-    if not trials and not left_out:
-        what = "a recording" if row.key == "recording" else f"a value of the group {row.key!r}"
-        raise BadTable(f"{what} of the folder", f"{row.value!r} in {where}",
-                       "correct its name, or leave the row out")  # fmt: skip
-    if row.view and row.view not in touch.views:
-        known = ", ".join(dict.fromkeys(touch.views))
-        # An array's fingers have no names of their own: any word does.
-        if touch.kind == "camera":
-            raise BadTable(f"one of the cameras {known}", f"{row.view!r} in {where}", "correct it")
+    _refuse_unknown(touch, row, bool(trials or left_out), table.where(row))
     if np.isnan(row.start_s):
         return [(i, 0, len(touch.rows[i]), row.view, row.label_s) for i in trials]
     spans = [
@@ -253,19 +248,40 @@ def _pieces_of(touch: TouchSet, row: FoldRow, steps: int, table: FoldTable) -> l
     ]
     spans += [(trial.start_s, trial.end_s) for trial in left_out]
     place = span_at(row.start_s, spans, _SLACK_S)
-    for i in () if place is None or place >= len(trials) else (trials[place],):
-        time_s, trial = touch.time_s[i], touch.trials[i]
-        slack_s = min(_SLACK_S, 0.5 * float(np.median(np.diff(time_s)))) if len(time_s) > 1 else 0.0
-        first = int(np.searchsorted(time_s, row.start_s - slack_s))
-        if not np.isnan(row.end_s):
-            stop = int(np.searchsorted(time_s, row.end_s + slack_s, side="right"))
-        elif row.start_s <= max(trial.start_s, time_s[0]) + slack_s:
-            stop = len(time_s)
-        else:
-            stop = min(first + steps, len(time_s))
+    if place is not None and place < len(trials):
+        first, stop = _stretch(touch, trials[place], row, steps)
         if stop > first:
-            return [(i, first, stop, row.view, row.label_s)]
+            return [(trials[place], first, stop, row.view, row.label_s)]
     if any(trial.start_s - _SLACK_S <= row.start_s <= trial.end_s + _SLACK_S for trial in left_out):
         return []
-    raise BadTable("a stretch within a labelled trial", f"{where}, which lies in none",
-                   "give start_s on the recording's own clock, see taxel info")  # fmt: skip
+    raise BadTable(
+        "a stretch within a labelled trial", f"{table.where(row)}, which lies in none",
+        "give start_s on the recording's own clock, see taxel info",
+    )  # fmt: skip
+
+
+def _refuse_unknown(touch: TouchSet, row: FoldRow, named: bool, where: str) -> None:
+    """Refuse a row that names no trial of the folder, or a camera that it does not have."""
+    if not named:
+        what = "a recording" if row.key == "recording" else f"a value of the group {row.key!r}"
+        raise BadTable(f"{what} of the folder", f"{row.value!r} in {where}",
+                       "correct its name, or leave the row out")  # fmt: skip
+    # An array's fingers have no names of their own: any word does.
+    if touch.kind == "camera" and row.view and row.view not in touch.views:
+        known = ", ".join(dict.fromkeys(touch.views))
+        raise BadTable(f"one of the cameras {known}", f"{row.view!r} in {where}", "correct it")
+
+
+def _stretch(touch: TouchSet, index: int, row: FoldRow, steps: int) -> tuple[int, int]:
+    """Return a trial's first row and the one behind the last from the row's moments on.
+
+    Without an end: the whole trial where it begins with it, else one window.
+    """
+    time_s, trial = touch.time_s[index], touch.trials[index]
+    slack_s = min(_SLACK_S, 0.5 * float(np.median(np.diff(time_s)))) if len(time_s) > 1 else 0.0
+    first = int(np.searchsorted(time_s, row.start_s - slack_s))
+    if not np.isnan(row.end_s):
+        return first, int(np.searchsorted(time_s, row.end_s + slack_s, side="right"))
+    if row.start_s <= max(trial.start_s, time_s[0]) + slack_s:
+        return first, len(time_s)
+    return first, min(first + steps, len(time_s))

@@ -28,7 +28,7 @@ from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.evaluation.intervals import draw_rows, percentile_interval
 from taxel.evaluation.rank_area import area
 from taxel.evaluation.run_scores import reliability
-from taxel.training.camera_trials.weights import log_loss
+from taxel.training.camera_trials.member_weights import log_loss
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import hashlib
 import io
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -198,7 +198,6 @@ def painted_rows(
     crop: int,
     encoder: nn.Module,
     cache: Path,
-    on_trial: Callable[[int, int], None] = lambda done, of: None,
 ) -> dict[str, Rows]:
     """Return feature → rows, shape (trials, columns), of one painted crop of each trial.
 
@@ -208,10 +207,9 @@ def painted_rows(
         crop: Which of the three.
         encoder: The touch encoder.
         cache: As for `simulated_rows`.
-        on_trial: Called with trials done and in all.
     """
     found = []
-    for done, trial in enumerate(trials, start=1):
+    for trial in trials:
         file = cache / f"{trial.name}-painted-{crop}.npy"
         rows = load_kept(file, WIDTHS[TOUCH] + WIDTHS[GEL])
         if rows is None:
@@ -219,6 +217,5 @@ def painted_rows(
             rows = np.hstack([touch_rows(eight, encoder), gel_rows(eight)])
             save_kept(file, rows)
         found.append(rows)
-        on_trial(done, len(trials))
     features = np.concatenate(found)
     return {TOUCH: features[:, : WIDTHS[TOUCH]], GEL: features[:, WIDTHS[TOUCH] :]}

@@ -8,7 +8,7 @@ Background of our choices: docs/decisions/0058.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -26,10 +26,11 @@ from taxel.evaluation.camera_trials.probe import (
     probe_once,
 )
 from taxel.evaluation.camera_trials.probe_features import network_features
-from taxel.evaluation.camera_trials.sides import TrialSplit
+from taxel.evaluation.camera_trials.sides import TrialSplit, split_trials
 from taxel.plain_text import number_of
 from taxel.training.camera_trials.learning import Learning
 from taxel.training.encoder.videos import TouchVideo
+from taxel.windows.camera_trials import CameraTrial
 
 _TRIES: Final = 1000
 """Draws of objects before it is said that none has every class. Source: our choice."""
@@ -61,20 +62,32 @@ class ProbeSet:
         return pooled(found.reshape(len(self.y), -1, *found.shape[1:]))
 
 
-def probe_all(
-    probed: ProbeSet, rows: Mapping[str, list[Rows]], on_step: Callable[[str], None]
-) -> dict[str, ProbeResult]:
+def slip_probe_set(trials: Sequence[CameraTrial], videos: Sequence[TouchVideo] = ()) -> ProbeSet:
+    """Return who slipped in gelsight-slip, and five folds that hold out whole objects.
+
+    Args:
+        trials: Those of gelsight-slip, each with its label `outcome` and its group `object`.
+        videos: Of all trials in their order, a trial's cameras one after another; none where
+            rows are computed elsewhere.
+    """
+    y = np.array([trial.labels["outcome"] == "slip" for trial in trials]).astype(np.intp)
+    groups = [trial.groups for trial in trials]
+    return ProbeSet(
+        y=y,
+        objects=np.array([own["object"] for own in groups]),
+        split=split_trials(groups, y, "group:object", 5, 0),
+        videos=videos,
+    )
+
+
+def probe_all(probed: ProbeSet, rows: Mapping[str, list[Rows]]) -> dict[str, ProbeResult]:
     """Return each network's probe.
 
     Args:
         probed: The trials.
         rows: Name → rows of each fold.
-        on_step: Called with a line before each fold.
     """
-    return {
-        name: probe(name, own, probed.labelled, probed.split, on_step=on_step)
-        for name, own in rows.items()
-    }
+    return {name: probe(name, own, probed.labelled, probed.split) for name, own in rows.items()}
 
 
 def few_objects(

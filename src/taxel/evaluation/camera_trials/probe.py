@@ -9,7 +9,7 @@ Background of our choices: docs/decisions/0058.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -22,8 +22,8 @@ from taxel.evaluation.paired import sign_flip
 from taxel.training.camera_trials.blend import mean_of_crops, proba_of
 from taxel.training.camera_trials.inner_folds import inner_folds
 from taxel.training.camera_trials.learning import Learning
+from taxel.training.camera_trials.member_weights import log_loss
 from taxel.training.camera_trials.ranked import Ranked
-from taxel.training.camera_trials.weights import log_loss
 
 Rows = NDArray[np.float32]
 PENALTIES: Final = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
@@ -91,7 +91,6 @@ def probe(
     labelled: Labelled,
     split: TrialSplit,
     seed: int = 0,
-    on_step: Callable[[str], None] = lambda line: None,
 ) -> ProbeResult:
     """Return a probe's predictions for each fold's test trials.
 
@@ -101,13 +100,11 @@ def probe(
         labelled: What the rows are of.
         split: The folds.
         seed: Of inner folds.
-        on_step: Called with a line before each fold.
     """
     trial, y, groups = labelled.trial, labelled.y, labelled.groups
     classes = int(y.max()) + 1
     probabilities, inner = np.full((len(y), classes), np.nan), []
     for own, fold in zip(rows, split.folds, strict=True):
-        on_step(f"{name}, {fold.name}")
         learning = Learning(own, trial, y, groups, classes)
         probabilities[fold.test_rows], loss = probe_once(
             learning.part(fold.train_rows), learning.part(fold.test_rows), seed
@@ -131,6 +128,14 @@ def probe_once(learning: Learning, test: Learning, seed: int) -> tuple[NDArray[n
     """Fit on some trials; return the others' probabilities and the log-loss of inner folds.
 
     Ranks and directions are those of all that is learned from; labels enter by fold.
+
+    Args:
+        learning: What is learned from.
+        test: What is predicted; its labels are not looked at.
+        seed: Of the inner folds.
+
+    Returns:
+        Probabilities, shape (test trials, classes), and the loss, nats; NaN without inner folds.
     """
     ranked = Ranked.of(learning.rows)
     learned, tested = (ranked.apply(part.rows).astype(np.float64) for part in (learning, test))
@@ -168,7 +173,14 @@ def _fitted(own: Learning, penalty: float, rows: NDArray[np.floating]) -> NDArra
 def less_than(
     ours: ProbeResult, other: ProbeResult, y: NDArray[np.intp], groups: NDArray[np.str_]
 ) -> LessThan:
-    """Return how much better ours is, tested over whole groups."""
+    """Return how much better ours is, tested over whole groups.
+
+    Args:
+        ours: A probe.
+        other: Another of the same trials.
+        y: True class numbers, shape (trials,).
+        groups: What each trial is of, such as its object, shape (trials,).
+    """
     names, index = np.unique(groups, return_inverse=True)
     right = _right(ours, y).astype(float) - _right(other, y)
     loss = _losses(ours, y) - _losses(other, y)

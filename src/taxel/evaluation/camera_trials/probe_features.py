@@ -7,7 +7,7 @@ labels.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -52,7 +52,6 @@ def crop_features(
     trials: Sequence[CameraTrial],
     extractors: Sequence[Extractor],
     cache: Path,
-    on_trial: Callable[[int, int], None] = lambda done, of: None,
 ) -> list[NDArray[np.float32]]:
     """Return each extractor's features, shape (trials, cameras, crops, images, features).
 
@@ -60,10 +59,9 @@ def crop_features(
         trials: As many cameras each.
         extractors: What looks at the images; each trial is decoded once for all.
         cache: Folder to keep files in.
-        on_trial: Called with trials done and in all.
     """
     features: list[list[NDArray[np.float32]]] = [[] for _ in extractors]
-    for done, trial in enumerate(trials, start=1):
+    for trial in trials:
         shape = len(trial.cameras), STRETCHES, IMAGES
         files = [cache / "probe" / e.key / f"{trial.digest[:32]}.npy" for e in extractors]
         stored = [load_kept(f, e.features) for f, e in zip(files, extractors, strict=True)]
@@ -78,7 +76,6 @@ def crop_features(
         for at, values in enumerate(stored):
             assert values is not None
             features[at].append(values.reshape(*shape, -1))
-        on_trial(done, len(trials))
     return [np.stack(each) for each in features]
 
 

@@ -9,7 +9,7 @@ Background of our choices: docs/decisions/0059.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Final, Literal
@@ -27,8 +27,8 @@ from taxel.evaluation.rank_area import area
 from taxel.training.camera_trials.blend import mean_of_crops, proba_of
 from taxel.training.camera_trials.inner_folds import inner_folds
 from taxel.training.camera_trials.learning import Learning
+from taxel.training.camera_trials.member_weights import log_loss
 from taxel.training.camera_trials.ranked import Ranked
-from taxel.training.camera_trials.weights import log_loss
 
 Ranking = Literal["by domain", "together"]
 Share = Literal["rows alike", "halves alike"]
@@ -82,7 +82,6 @@ def transfer(
     *,
     draws: int = 1,
     ranking: Ranking = "by domain",
-    on_step: Callable[[str], None] = lambda line: None,
 ) -> Found:
     """Return predictions for each fold's test trials, draw by draw.
 
@@ -94,14 +93,12 @@ def transfer(
         draws: How often few objects are drawn.
         ranking: Whose ranks columns are turned into. By domain, those of real rows come from all
             images of the fold's training objects, whose labels that does not need.
-        on_step: Called with a line before each fold.
 
     Raises:
         BadDataset: There is nothing to learn from, or no such draw of objects has every class.
     """
     probabilities = np.full((draws, len(real.y), real.classes), np.nan)
     for fold in split.folds:
-        on_step(fold.name)
         known, test = real.part(fold.train_rows), real.part(fold.test_rows)
         for draw in range(draws):
             labelled = None
@@ -134,6 +131,9 @@ def transfer_once(
         test: What is predicted; its labels are not looked at.
         ranking: As for `transfer`.
         seed: Of inner folds.
+
+    Returns:
+        Shape (test trials, classes).
 
     Raises:
         BadDataset: There is nothing to learn from.
@@ -208,7 +208,14 @@ def _probabilities(
 def score_draws(
     y: NDArray[np.intp], found: Found, groups: NDArray[np.str_], seed: int = 0
 ) -> DrawScores:
-    """Return accuracy and AUC, means over draws, with intervals over groups."""
+    """Return accuracy and AUC, means over draws, with 95 % intervals over groups.
+
+    Args:
+        y: True class numbers, shape (trials,).
+        found: Probabilities, shape (draws, trials, classes).
+        groups: What is drawn again whole, such as objects, shape (trials,).
+        seed: Of the intervals.
+    """
     drawn = draw_rows(groups, seed)
     right = _right(y, found)
     return DrawScores(
@@ -222,7 +229,15 @@ def score_draws(
 def gain(
     y: NDArray[np.intp], ours: Found, other: Found, groups: NDArray[np.str_], seed: int = 0
 ) -> DrawScores:
-    """Return how much higher ours scores than another on the same trials, paired over groups."""
+    """Return how much higher ours scores than another on the same trials, paired over groups.
+
+    Args:
+        y: True class numbers, shape (trials,).
+        ours: Probabilities, shape (draws, trials, classes).
+        other: Of the same trials, shape (draws, trials, classes).
+        groups: What is drawn again whole, such as objects, shape (trials,).
+        seed: Of the intervals.
+    """
     drawn = draw_rows(groups, seed)
     more = _right(y, ours) - _right(y, other)
     return DrawScores(

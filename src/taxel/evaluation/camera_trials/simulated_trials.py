@@ -8,7 +8,7 @@ Background of our choices: docs/decisions/0059.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -258,7 +258,6 @@ def simulated_rows(
     trials: Sequence[SimulatedTrial],
     module: nn.Module,
     cache: Path,
-    on_trial: Callable[[int, int], None] = lambda done, of: None,
 ) -> tuple[dict[str, Rows], dict[str, Rows]]:
     """Return feature → rows, shape (trials · crops, columns), as they are and plainly changed.
 
@@ -266,11 +265,10 @@ def simulated_rows(
         trials: What to look at.
         module: The touch encoder.
         cache: Folder of this encoder, this version of the simulator and these features.
-        on_trial: Called with trials done and in all.
     """
     halves: tuple[list[Rows], list[Rows]] = [], []
     width = sum(WIDTHS.values())
-    for done, trial in enumerate(trials, start=1):
+    for trial in trials:
         file = cache / f"{trial.name}.npy"
         features = load_kept(file, width)
         if features is None:
@@ -280,7 +278,6 @@ def simulated_rows(
             save_kept(file, features)
         for kept, rows in zip(halves, np.split(features, 2), strict=True):
             kept.append(rows)
-        on_trial(done, len(trials))
     return parted(halves[0]), parted(halves[1])
 
 
@@ -289,7 +286,6 @@ def real_rows(
     features: str,
     module: nn.Module,
     cache: Path,
-    on_trial: Callable[[int, int], None] = lambda done, of: None,
 ) -> Rows:
     """Return one kind of features of real trials at 25 images a second, as of simulated ones.
 
@@ -298,20 +294,18 @@ def real_rows(
         features: In `WIDTHS`.
         module: The touch encoder.
         cache: As for `simulated_rows`.
-        on_trial: Called with trials done and in all.
     """
     if features == GREY:
-        cut = trial_rows(trials, Layout(CROP, STRETCHES), ("pixels",), default_cache(), on_trial)
+        cut = trial_rows(trials, Layout(CROP, STRETCHES), ("pixels",), default_cache())
         return cut.rows["pixels"][:, numbers_of("pixels", DIFFERENCES, 2)]
     if features == GEL:
-        return pooled(crop_features(trials, [gel_features()], default_cache(), on_trial)[0])
+        return pooled(crop_features(trials, [gel_features()], default_cache())[0])
     all_rows = []
-    for done, trial in enumerate(trials, start=1):
+    for trial in trials:
         file = cache / f"{trial.digest[:32]}-touch.npy"
         rows = load_kept(file, WIDTHS[TOUCH])
         if rows is None:
             rows = touch_rows(crop_images(trial), module)
             save_kept(file, rows)
         all_rows.append(rows)
-        on_trial(done, len(trials))
     return np.concatenate(all_rows)

@@ -85,7 +85,10 @@ def signal_of(
 
 
 def chosen_on(objects: NDArray[np.str_]) -> NDArray[np.bool_]:
-    """Return which trials the formula was chosen on: every other object by name, the first too."""
+    """Return which trials the formula was chosen on: every other object by name, the first too.
+
+    `objects` and the flags have the shape (trials,).
+    """
     return np.isin(objects, np.unique(objects)[::2])
 
 

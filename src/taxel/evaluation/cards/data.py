@@ -19,7 +19,7 @@ from taxel.labels.class_order import in_order
 from taxel.labels.trials import Trial
 from taxel.plain_text import number_of
 from taxel.recordings.reader import iterate_blocks, list_recordings
-from taxel.recordings.summary import summarise
+from taxel.recordings.summary import recorded_s, summarise
 
 _UNITS = {
     *("c", "k", "pct", "ppm", "pf", "v", "mv", "a", "ma", "s", "ms", "hz", "n", "mm", "um", "g"),
@@ -84,7 +84,7 @@ def data_card(path: Path, on_file: Callable[[str], None] = lambda _: None) -> Da
     arrays = any(row["channels"] for row in rows)
     return DataCard(
         recordings=len(rows),
-        hours=sum(map(_seconds, rows)) / 3600.0,
+        hours=sum(map(recorded_s, rows)) / 3600.0,
         megabytes=sum(row["bytes"] for row in rows) / 1e6,
         sensors=_sensors(rows),
         details=_details(rows),
@@ -115,10 +115,6 @@ def _is_nuisance(name: str, rows: list[dict[str, Any]]) -> bool:
     values = [row["groups"].get(name, "") for row in rows]
     unit = name.rpartition("_")[2] in _UNITS
     return all(map(is_number, values)) and (unit or any("." in value for value in values))
-
-
-def _seconds(row: dict[str, Any]) -> float:
-    return max(float(entry["duration_s"]) for entry in (row, *row["cameras"]))
 
 
 def _sensors(rows: list[dict[str, Any]]) -> dict[str, str]:

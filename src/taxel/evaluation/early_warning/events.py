@@ -30,7 +30,7 @@ from scipy.stats import chi2
 from taxel.decisions.stability import Stability
 from taxel.errors import BadInput
 from taxel.evaluation.intervals import Interval, draw_rows, percentile_interval
-from taxel.plain_text import number_of
+from taxel.plain_text import finite, number_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,7 +203,7 @@ class EventScores:
 
     def as_dict(self) -> dict[str, object]:
         """Return the fields by name, NaN and infinity as None, as JSON wants them."""
-        return {name: _plain(value) for name, value in asdict(self).items()}
+        return dict(finite(asdict(self)))
 
 
 def summarise(outcomes: Sequence[RunOutcome], cluster: str = "cup", seed: int = 0) -> EventScores:
@@ -318,7 +318,7 @@ def _median(values: NDArray[np.float64]) -> float:
 
 
 def share_of(part: NDArray[np.bool_], whole: NDArray[np.bool_]) -> float:
-    """Return how much of a whole a part of it is, 0…1; NaN of nothing."""
+    """Return the share of a whole's True that a part has, 0…1, shape (n,) each; NaN of none."""
     return float(part.sum() / whole.sum()) if whole.any() else float("nan")
 
 
@@ -329,12 +329,6 @@ def _per_min(count: NDArray[np.intp], seconds: NDArray[np.float64]) -> float:
 
 def _or_nan(value: float | None) -> float:
     return float("nan") if value is None else value
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def _natural(value: str) -> tuple[int, float, str]:

@@ -28,7 +28,6 @@ from taxel.evaluation.splits import TrialFold
 from taxel.evaluation.transitions.data import (
     CameraSet,
     Judged,
-    cup_folds,
     judge_fold,
     truth_moments,
 )
@@ -69,7 +68,6 @@ def warn_on_unseen_cups(
     folds: Sequence[TrialFold],
     *,
     name: str,
-    key: str = "cup",
     on_step: Callable[[str], None] = lambda _: None,
 ) -> tuple[WarningResult, TrainedHead]:
     """Train, tune and judge, fold by fold; return the last fold's head too.
@@ -80,14 +78,17 @@ def warn_on_unseen_cups(
         config: How a head is trained.
         folds: Which cups are learned from and which are judged.
         name: What to call it in a table.
-        key: The group that is held out whole.
         on_step: Called with a line before each training.
+
+    Raises:
+        BadDataset: A fold has fewer than two cups to learn from.
+        ValueError: There are no folds.
     """
     judged, tuned, trained = [], [], None
     for fold in folds:
-        on_step(f"{name}: tuning without {key} {fold.name}")
-        tuned.append(_tune_head(data, features, config, fold, key))
-        on_step(f"{name}: {key} {fold.name}")
+        on_step(f"{name}: tuning without cup {fold.name}")
+        tuned.append(_tune_head(data, features, config, fold))
+        on_step(f"{name}: cup {fold.name}")
         judged_fold, trained = judge_fold(features, data.labels, fold, config)
         judged.append(judged_fold)
     if trained is None:
@@ -133,14 +134,13 @@ def _tune_head(
     features: Sequence[FrameFeatures],
     config: HeadConfig,
     fold: TrialFold,
-    key: str,
 ) -> Tuned:
     """Tune on the fold's training cups, each judged by a head that had not seen it."""
-    cups = data.groups(key)[fold.train_rows]
+    cups = data.cups()[fold.train_rows]
     names = sorted(set(cups.tolist()))
     if len(names) < 2:
         raise BadDataset(
-            f"at least two of the group {key} to learn from", f"{len(names)}", "record more"
+            "at least two of the group cup to learn from", f"{len(names)}", "record more"
         )
     judged = []
     for part in np.array_split(np.array(names), min(INNER_FOLDS, len(names))):
@@ -213,19 +213,17 @@ def _result(
     )
 
 
-def split_by_folder(
-    train: CameraSet, test: CameraSet, key: str = "cup"
-) -> tuple[CameraSet, list[TrialFold]]:
+def split_by_folder(train: CameraSet, test: CameraSet) -> tuple[CameraSet, list[TrialFold]]:
     """Join a set to learn from and a set to be judged on, which share no cup.
 
     Raises:
         BadDataset: They share one.
     """
-    shared = set(train.groups(key).tolist()) & set(test.groups(key).tolist())
+    shared = set(train.cups().tolist()) & set(test.cups().tolist())
     if shared:
         raise BadDataset(
-            f"a test set without a {key} of the training set",
-            f"{key} {', '.join(sorted(shared))} in both",
+            "a test set without a cup of the training set",
+            f"cup {', '.join(sorted(shared))} in both",
             "simulate other cups with --first-cup, or record others",
         )
     count = len(train.pours)
@@ -237,8 +235,3 @@ def split_by_folder(
     )
     fold = TrialFold.of("test", np.arange(count), np.arange(count, count + len(test.pours)))
     return both, [fold]
-
-
-def folds_within(data: CameraSet, key: str = "cup") -> list[TrialFold]:
-    """Return one fold a cup, for a set without a test set."""
-    return cup_folds(data.groups(key), key)

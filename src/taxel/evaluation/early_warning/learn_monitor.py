@@ -61,7 +61,6 @@ def learn_monitor(
     features: Sequence[FrameFeatures],
     config: HeadConfig,
     *,
-    key: str = "cup",
     on_step: Callable[[str], None] = lambda _: None,
 ) -> LearntMonitor:
     """Train on all pours; tune and score on heads that left out groups of cups.
@@ -70,21 +69,20 @@ def learn_monitor(
         data: Pours with labels.
         features: Of the pours, in their order.
         config: How a head is trained.
-        key: The group that is held out whole.
         on_step: Called with a line before each training.
     """
-    cups = data.groups(key)
+    cups = data.cups()
     names = sorted(set(cups.tolist()))
     judged: list[Judged] = []
     curves: list[Curve] = []
     if len(names) > 1:
         for part in np.array_split(np.array(names), min(INNER_FOLDS, len(names))):
-            on_step(f"without {key} {', '.join(part)}")
+            on_step(f"without cup {', '.join(part)}")
             held = np.isin(cups, part)
             fold = TrialFold.of("+".join(part), np.flatnonzero(~held), np.flatnonzero(held))
             found, trained = judge_fold(features, data.labels, fold, config, watch=True)
             judged.append(found)
-            curves.append(Curve(f"without {key} {', '.join(part)}", trained.history))
+            curves.append(Curve(f"without cup {', '.join(part)}", trained.history))
     tuned = None
     if judged and rule_named(data.rule).needs == "truth":
         tuned = tune(monitor_tracks(data, judged, config.frames))
@@ -95,7 +93,7 @@ def learn_monitor(
         stability=tuned.config if tuned else StabilityConfig(),
         tuned=tuned,
         windows=score_windows(judged) if judged else None,
-        curves=(*curves, Curve(f"all {key}s", head.history)),
+        curves=(*curves, Curve("all cups", head.history)),
     )
 
 

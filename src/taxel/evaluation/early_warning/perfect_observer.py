@@ -95,19 +95,15 @@ class Foreseen:
     """When it first slips more than `GROSS_UM`, seconds since the grasp; None: it holds."""
 
 
-def foresee(
-    runs: Sequence[PourRun], on_step: Callable[[str], None] = lambda _: None
-) -> list[Foreseen]:
+def foresee(runs: Sequence[PourRun]) -> list[Foreseen]:
     """Return what an observer knows of some runs, simulated some cups at a time.
 
     Args:
         runs: Of the kind "still" and those in `POURED`.
-        on_step: Called with a line before each part.
     """
     foreseen = []
     cups = sorted({run.cup.index for run in runs})
     for part in np.array_split(cups, -(-len(cups) // _TOGETHER)):
-        on_step(f"what is knowable of cups {part[0]} to {part[-1]}")
         chosen = [run for run in runs if run.cup.index in part]
         pours = [run for run in chosen if run.kind in POURED]
         limits = limits_of(pours)

@@ -110,6 +110,9 @@ def judge_track(track: WarningTrack, threshold: float) -> RunOutcome:
     Args:
         track: The pour.
         threshold: Of the drive; drives of any size are scaled so that it is one half.
+
+    Raises:
+        BadInput: The threshold is not above 0.
     """
     if threshold <= 0:
         raise BadInput("a threshold above 0", f"{threshold:g}", "choose another")

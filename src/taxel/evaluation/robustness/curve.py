@@ -203,7 +203,7 @@ def point_of(
         level: How bad.
         unit: Of the level.
         draws: How many passes are joined in the answers.
-        base: As `Point.base` says.
+        base: As `FaultPoint.base` says.
     """
     answered, right = answers.answered, answers.right
     low, high = float("nan"), float("nan")

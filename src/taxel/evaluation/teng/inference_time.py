@@ -30,6 +30,12 @@ def milliseconds_per_window(
 
     Networks run in ONNX Runtime on one thread, scaling included, as in the live
     path; library baselines run as they are.
+
+    Args:
+        fitted: What predicts.
+        dataset: Windows as they are cut.
+        part: Which of them are predicted in turn, shape (n,).
+        job: What was fitted.
     """
     predict: Callable[[NDArray[np.float32], NDArray[np.bool_]], NDArray[Any]]
     values, mask = dataset.windows.values[part], dataset.windows.mask[part]

@@ -43,20 +43,20 @@ class CameraSet:
     signals: tuple[NDArray[np.float32], ...]
     """Each shape (n, cameras): change against the settled frames, per cent."""
 
-    def groups(self, key: str) -> NDArray[np.str_]:
-        """Return each pour's group.
+    def cups(self) -> NDArray[np.str_]:
+        """Return each pour's cup, its group of that name, shape (pours,).
 
         Raises:
             BadDataset: A pour has no such group.
         """
         for pour in self.pours:
-            if key not in pour.groups:
+            if "cup" not in pour.groups:
                 raise BadDataset(
-                    f"the group {key!r} on every recording",
+                    "the group 'cup' on every recording",
                     f"{pour.path} with {', '.join(sorted(pour.groups)) or 'none'}",
                     "name another group, or record again with --group",
                 )
-        return np.array([pour.groups[key] for pour in self.pours])
+        return np.array([pour.groups["cup"] for pour in self.pours])
 
     def some(self, most: int) -> CameraSet:
         """Return so many of the recordings at most, spread evenly over all of them."""
@@ -105,15 +105,18 @@ def load_camera_set(
     return CameraSet(pours=tuple(pours), rule=rule, labels=tuple(labels), signals=tuple(signals))
 
 
-def cup_folds(cups: NDArray[np.str_], key: str = "cup") -> list[TrialFold]:
-    """Return one fold a cup, that cup held out.
+def cup_folds(cups: NDArray[np.str_]) -> list[TrialFold]:
+    """Return one fold a cup, that cup held out, by name.
+
+    Args:
+        cups: Each pour's cup, shape (pours,).
 
     Raises:
         BadDataset: There are fewer than two cups.
     """
     names = sorted(set(cups.tolist()))
     if len(names) < 2:
-        raise BadDataset(f"at least two of the group {key}", f"{len(names)}", "record more")
+        raise BadDataset("at least two of the group cup", f"{len(names)}", "record more")
     return [
         TrialFold.of(name, np.flatnonzero(cups != name), np.flatnonzero(cups == name))
         for name in names

@@ -35,6 +35,7 @@ from taxel.models.transition import (
     FRAMES,
     PUBLISHED_BY_FRAMES,
     TRANSITION_MODELS,
+    TransitionModel,
     find_transition,
 )
 from taxel.training.frames.features import FrameFeatures
@@ -117,34 +118,42 @@ def plan_rows(backbones: Sequence[str]) -> list[RowPlan]:
     Args:
         backbones: Names in `BACKBONES`; the paper's and ours.
     """
-    plans = []
-    for model in TRANSITION_MODELS.values():
-        if model.backbone in backbones:
-            accuracy = model.published.accuracy_percent if model.published else None
-            tables: tuple[int, ...] = (2,) if model.head in ("lstm2", "lstm4") else (1,)
-            if model.name == "densenet121+lstm" or model.published is None:
-                tables = (1, 2, 3)
-            plans.append(
-                RowPlan(tables=tables, model=model.name, frames=FRAMES, published=accuracy)
-            )
+    plans = [
+        RowPlan(
+            tables=_tables_of(model), model=model.name, frames=FRAMES,
+            published=model.published.accuracy_percent if model.published else None,
+        )
+        for model in TRANSITION_MODELS.values() if model.backbone in backbones
+    ]  # fmt: skip
     for backbone in ("densenet121", "efficientnet-lite0"):
-        if backbone not in backbones:
-            continue
-        known = {plan.model for plan in plans}
-        for head in OWN_HEADS:
-            if f"{backbone}+{head}" not in known:
-                tables = (1,) if head == "transformer" else (2,)
-                name = f"{backbone}+{head}"
-                plans.append(RowPlan(tables=tables, model=name, frames=FRAMES, published=None))
-        for frames, accuracy in PUBLISHED_BY_FRAMES.items():
-            if frames != FRAMES:
-                published = accuracy if backbone == "densenet121" else None
-                plans.append(
-                    RowPlan(
-                        tables=(3,), model=f"{backbone}+lstm", frames=frames, published=published
-                    )
-                )
+        if backbone in backbones:
+            known = {plan.model for plan in plans}
+            plans += [plan for plan in _other_heads(backbone) if plan.model not in known]
+            plans += _other_frames(backbone)
     return plans
+
+
+def _tables_of(model: TransitionModel) -> tuple[int, ...]:
+    if model.name == "densenet121+lstm" or model.published is None:
+        return (1, 2, 3)
+    return (2,) if model.head in ("lstm2", "lstm4") else (1,)
+
+
+def _other_heads(backbone: str) -> list[RowPlan]:
+    return [
+        RowPlan(tables=(1,) if head == "transformer" else (2,), model=f"{backbone}+{head}",
+                frames=FRAMES, published=None)
+        for head in OWN_HEADS
+    ]  # fmt: skip
+
+
+def _other_frames(backbone: str) -> list[RowPlan]:
+    """Return the rows of Table 3; what it publishes is of DenseNet121."""
+    return [
+        RowPlan(tables=(3,), model=f"{backbone}+lstm", frames=frames,
+                published=accuracy if backbone == "densenet121" else None)
+        for frames, accuracy in PUBLISHED_BY_FRAMES.items() if frames != FRAMES
+    ]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +177,6 @@ def measure_rows(
     base: HeadConfig,
     *,
     every_cup: bool = True,
-    key: str = "cup",
     on_row: Callable[[str], None] = lambda _: None,
 ) -> list[TableRow]:
     """Train and judge rows, two side by side.
@@ -180,10 +188,9 @@ def measure_rows(
         plans: Which rows.
         base: How heads are trained; head and frames come from the plan.
         every_cup: Also hold out each cup in turn, for rows of `FRAMES` frames.
-        key: The group that is held out whole.
         on_row: Called with a model's name when it is done.
     """
-    folds = cup_folds(data.groups(key), key)
+    folds = cup_folds(data.cups())
     jobs = []
     for plan in plans:
         head = find_transition(plan.model).head
@@ -235,24 +242,24 @@ def _judge_folds(
     return judged, perf_counter() - started, name
 
 
-def trivial_rows(data: CameraSet, frames: int = FRAMES, key: str = "cup") -> list[TrivialRow]:
+def trivial_rows(data: CameraSet) -> list[TrivialRow]:
     """Return the trivial baselines: one number a window, thresholds learned on training cups.
 
     That number is the last frame's. Of the difference there is also the largest of the window's
     frames: a window counts as unstable when one of its frames does.
     """
-    folds = cup_folds(data.groups(key), key)
+    folds = cup_folds(data.cups())
     columns = [trivial_features(data, index) for index in range(len(data.pours))]
     known: dict[str, list[NDArray[np.float64]] | None] = {
-        name: [column[name][frames - 1 :] for column in columns] for name in columns[0]
+        name: [column[name][FRAMES - 1 :] for column in columns] for name in columns[0]
     }
     known[LARGEST_DIFFERENCE] = [
-        sliding_window_view(column[DIFFERENCE], frames).max(axis=1) for column in columns
+        sliding_window_view(column[DIFFERENCE], FRAMES).max(axis=1) for column in columns
     ]
     known["the commonest class"] = None
     rows = []
     for name, values in known.items():
-        judged = [_judge_trivial(data, values, fold, frames) for fold in folds]
+        judged = [_judge_trivial(data, values, fold) for fold in folds]
         rows.append(
             TrivialRow(
                 name=name, single=score_windows(judged[-1:]), every_cup=score_windows(judged)
@@ -262,26 +269,19 @@ def trivial_rows(data: CameraSet, frames: int = FRAMES, key: str = "cup") -> lis
 
 
 def _judge_trivial(
-    data: CameraSet, values: list[NDArray[np.float64]] | None, fold: TrialFold, frames: int
+    data: CameraSet, values: list[NDArray[np.float64]] | None, fold: TrialFold
 ) -> Judged:
-    labels = {i: label_windows(data.labels[i], frames) for i in (*fold.train_rows, *fold.test_rows)}
+    """Judge one number a window by a small tree; without numbers, by the commonest class."""
+    labels = {i: label_windows(data.labels[i], FRAMES) for i in (*fold.train_rows, *fold.test_rows)}
+    tested = tuple(labels[i] for i in fold.test_rows)
     wanted = np.concatenate([labels[i] for i in fold.train_rows])
-    if values is None:
+    if values is None or len(np.unique(wanted)) == 1:
         share = float(wanted.mean())
-        found = tuple(np.full(len(labels[i]), share, np.float32) for i in fold.test_rows)
-        return Judged(fold, found, tuple(labels[i] for i in fold.test_rows))
+        return Judged(fold, tuple(np.full(len(own), share, np.float32) for own in tested), tested)
     seen = np.concatenate([values[i] for i in fold.train_rows])[:, None]
     tree = DecisionTreeClassifier(max_depth=3, min_samples_leaf=50).fit(seen, wanted)
-    column = list(tree.classes_).index(1) if 1 in tree.classes_ else None
-    found = tuple(
-        (
-            tree.predict_proba(values[i][:, None])[:, column]
-            if column is not None
-            else np.zeros(len(labels[i]))
-        ).astype(np.float32)
-        for i in fold.test_rows
-    )
-    return Judged(fold, found, tuple(labels[i] for i in fold.test_rows))
+    found = (tree.predict_proba(values[i][:, None])[:, 1] for i in fold.test_rows)
+    return Judged(fold, tuple(own.astype(np.float32) for own in found), tested)
 
 
 def score_windows(judged: Sequence[Judged]) -> WindowScores:

@@ -108,7 +108,8 @@ def leave_each_out(
         Class → how well it is found unknown, and class → why that could not be measured.
 
     Raises:
-        BadInput: There are fewer than three classes, or none can be left out.
+        BadDataset: There are fewer than three classes.
+        BadInput: None of them can be left out.
     """
     classes = dataset.classes(config.target)
     if len(classes) < 3:
@@ -183,27 +184,30 @@ def _one_fold(
     ])  # fmt: skip
     trivial = _trivial(fitted.scaling.apply(learned.values, learned.mask), scaled)
     names = np.array(classes)
-    by_part = [
-        Scored(
+
+    def scored(
+        index: NDArray[np.intp],
+        rows: NDArray[np.intp],
+        by_us: tuple[NDArray[np.float64], NDArray[np.float64]],
+        probability: NDArray[np.float64],
+        others: dict[str, NDArray[np.float64]],
+    ) -> Scored:
+        """Put together windows or grasps; `rows` are their trials, `by_us` p and novelty."""
+        return Scored(
             index=index,
             kind=kinds[rows],
             group=groups[rows],
-            scores={
-                OURS: _ranked(p_known, own_novelty),
-                "max softmax": 1.0 - probability.max(axis=1),
-                **own_trivial,
-            },
-            rejected=p_known <= config.rejected,
+            scores={OURS: _ranked(*by_us), "max softmax": 1.0 - probability.max(axis=1), **others},
+            rejected=by_us[0] <= config.rejected,
             truth=labels[rows],
             answer=names[probability.argmax(axis=1)],
         )
-        for index, rows, p_known, own_novelty, probability, own_trivial in (
-            (test, owner, p_window, novelty, p, trivial),
-            (trial, trial, p_grasp, means, joined,
-             {name: _means(own[:, None], owner)[0][:, 0] for name, own in trivial.items()}),
-        )
-    ]  # fmt: skip
-    return by_part[0], by_part[1]
+
+    by_grasp = {name: _means(own[:, None], owner)[0][:, 0] for name, own in trivial.items()}
+    return (
+        scored(test, owner, (p_window, novelty), p, trivial),
+        scored(trial, trial, (p_grasp, means), joined, by_grasp),
+    )
 
 
 def _ranked(p: NDArray[np.float64], novelty: NDArray[np.float64]) -> NDArray[np.float64]:

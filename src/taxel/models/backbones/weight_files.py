@@ -117,7 +117,7 @@ def save_tensors(
     """Write tensors and words about them as .safetensors, whole or not at all.
 
     Raises:
-        RecordingFailed: The disk refused.
+        RecordingFailed: The disk refused; `whole_file` makes it of any OSError.
     """
     with whole_file(path) as temporary:
         try:

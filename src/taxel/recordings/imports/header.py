@@ -15,7 +15,7 @@ from taxel.foreign.sheets import is_sheet, sheet_names
 from taxel.foreign.wav_file import WAV_ENDING, read_wav_head
 from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.own_groups import refuse_own_groups
-from taxel.recordings.imports.table_columns import read_cells
+from taxel.recordings.imports.value_tables.table_columns import read_cells
 
 PLAIN_COLUMNS = (
     "file", "trials", "axes", "length", "pieces", "channels", "time", "layout", "sensor",

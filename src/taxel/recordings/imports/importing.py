@@ -21,7 +21,6 @@ from taxel.errors import BadTable
 from taxel.foreign.hdf5_trial import many_hdf5
 from taxel.foreign.sheets import chosen_of, is_sheet
 from taxel.plain_text import visible
-from taxel.recordings.imports import tables
 from taxel.recordings.imports.earlier import IMPORTED, import_folder
 from taxel.recordings.imports.intervals import (
     Interval,
@@ -40,11 +39,12 @@ from taxel.recordings.imports.notes import (
 )
 from taxel.recordings.imports.reading import Content, in_pieces, reader_of
 from taxel.recordings.imports.row_labels import remarks_on_rows
-from taxel.recordings.imports.row_times import BadTimes, OnBadTime
 from taxel.recordings.imports.rows import ImportRow, read_rows
 from taxel.recordings.imports.spelling import composed
-from taxel.recordings.imports.table_form import is_text, is_whole
-from taxel.recordings.imports.tables import Missing, Table
+from taxel.recordings.imports.value_tables import tables
+from taxel.recordings.imports.value_tables.row_times import BadTimes, OnBadTime
+from taxel.recordings.imports.value_tables.table_form import is_text, is_whole
+from taxel.recordings.imports.value_tables.tables import Missing, Table
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import SensorInfo
@@ -92,7 +92,7 @@ def import_table(
         options: How strictly files are read.
         progress: Called with files done and files in all.
         on_file: Called with what was found in each file, or why it was left out;
-            `import_notes.notes_of` says it.
+            `notes.notes_of` says it.
 
     Raises:
         BadTable: A table or any file is not as it should be; then nothing is written.

@@ -25,8 +25,8 @@ from taxel.foreign.wav_file import WAV_ENDING
 from taxel.plain_text import figures
 from taxel.recordings.imports.own_groups import refuse_own_groups
 from taxel.recordings.imports.spelling import column_name, composed, prefixed
-from taxel.recordings.imports.table_columns import mend_number, read_cells
-from taxel.recordings.imports.table_form import TEXT_ENDINGS, is_number
+from taxel.recordings.imports.value_tables.table_columns import mend_number, read_cells
+from taxel.recordings.imports.value_tables.table_form import TEXT_ENDINGS, is_number
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples
 

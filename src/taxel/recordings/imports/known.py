@@ -14,7 +14,7 @@ from pathlib import Path
 from taxel.errors import BadTable
 from taxel.foreign.text_lines import lines_of
 from taxel.recordings.imports.rows import ImportRow
-from taxel.recordings.imports.table_columns import LARGEST_TABLE
+from taxel.recordings.imports.value_tables.table_columns import LARGEST_TABLE
 from taxel.recordings.imports.video_rows import VideoRow
 
 GLOVE_CHANNELS = (

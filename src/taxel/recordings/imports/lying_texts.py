@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from taxel.errors import BadTable
 from taxel.plain_text import number_of
 from taxel.recordings.imports.notes import LYING
-from taxel.recordings.imports.row_times import BadTimes, check_time
-from taxel.recordings.imports.table_columns import (
+from taxel.recordings.imports.value_tables.row_times import BadTimes, check_time
+from taxel.recordings.imports.value_tables.table_columns import (
     LARGEST_TABLE,
     MOST_VALUES,
     as_number,
     mend_number,
     table_lines,
 )
-from taxel.recordings.imports.table_form import (
+from taxel.recordings.imports.value_tables.table_form import (
     REMARK,
     DecimalSign,
     cells_of,
@@ -36,7 +36,7 @@ from taxel.recordings.imports.table_form import (
     is_text,
     is_whole,
 )
-from taxel.recordings.imports.tables import (
+from taxel.recordings.imports.value_tables.tables import (
     ALL,
     LARGEST_VALUE,
     MOST_CHANNELS,

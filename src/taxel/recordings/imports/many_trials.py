@@ -22,9 +22,7 @@ from taxel.recordings.imports.lying_texts import lies
 from taxel.recordings.imports.row_labels import columns_by_row
 from taxel.recordings.imports.stacks.members import STAR
 from taxel.recordings.imports.stacks.trials import ArrayTrials, StackWords
-from taxel.recordings.imports.table_columns import npy_shape
 from taxel.recordings.imports.table_files import file_of
-from taxel.recordings.imports.table_form import is_text
 from taxel.recordings.imports.trial_lines import LineTrials
 from taxel.recordings.imports.trial_runs import TextTrials
 from taxel.recordings.imports.trial_sets import (
@@ -36,6 +34,8 @@ from taxel.recordings.imports.trial_sets import (
     safe_names,
     values_beside,
 )
+from taxel.recordings.imports.value_tables.table_columns import npy_shape
+from taxel.recordings.imports.value_tables.table_form import is_text
 
 STAR_CELL = "star:"
 """What a cell begins with that takes a part of the trials' own names."""

@@ -18,20 +18,20 @@ from taxel.errors import BadTable
 from taxel.foreign.sheets import file_behind
 from taxel.foreign.wav_file import WAV_ENDING
 from taxel.plain_text import number_of
-from taxel.recordings.imports import tables
-from taxel.recordings.imports.layouts import LayoutReader, find_layout
 from taxel.recordings.imports.lying_texts import HINT, may_lie, read_lying
-from taxel.recordings.imports.missing_marks import without_marked
 from taxel.recordings.imports.pieces import cut
 from taxel.recordings.imports.row_labels import marks_by_row
-from taxel.recordings.imports.row_times import BadTimes, check_time
 from taxel.recordings.imports.rows import ImportRow
-from taxel.recordings.imports.table_columns import text_cells
-from taxel.recordings.imports.table_form import is_text
-from taxel.recordings.imports.tables import Column, Missing, Table, TimeColumn
 from taxel.recordings.imports.trial_runs import TextTrials
 from taxel.recordings.imports.trial_sets import Padding
-from taxel.recordings.imports.wav_tables import wav_reader
+from taxel.recordings.imports.value_tables import tables
+from taxel.recordings.imports.value_tables.layouts import LayoutReader, find_layout
+from taxel.recordings.imports.value_tables.missing_marks import without_marked
+from taxel.recordings.imports.value_tables.row_times import BadTimes, check_time
+from taxel.recordings.imports.value_tables.table_columns import text_cells
+from taxel.recordings.imports.value_tables.table_form import is_text
+from taxel.recordings.imports.value_tables.tables import Column, Missing, Table, TimeColumn
+from taxel.recordings.imports.value_tables.wav_tables import wav_reader
 from taxel.signals import Mark, Samples, Validity
 
 

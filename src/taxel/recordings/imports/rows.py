@@ -20,15 +20,15 @@ from taxel.recordings.imports.left_out import naming_option
 from taxel.recordings.imports.lying_texts import lies
 from taxel.recordings.imports.many_trials import holds_many, refuse_words_of_many, trials_of
 from taxel.recordings.imports.matched_files import TableLine, one_line_a_file
-from taxel.recordings.imports.missing_marks import parse_marks
 from taxel.recordings.imports.pieces import Pieces, parse_pieces
 from taxel.recordings.imports.row_labels import ROWS, columns_by_row
 from taxel.recordings.imports.spelling import column_name
-from taxel.recordings.imports.table_columns import by_column
 from taxel.recordings.imports.table_files import file_of
-from taxel.recordings.imports.table_form import is_number, is_text
-from taxel.recordings.imports.tables import LARGEST_VALUE
 from taxel.recordings.imports.trial_sets import Trial
+from taxel.recordings.imports.value_tables.missing_marks import parse_marks
+from taxel.recordings.imports.value_tables.table_columns import by_column
+from taxel.recordings.imports.value_tables.table_form import is_number, is_text
+from taxel.recordings.imports.value_tables.tables import LARGEST_VALUE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,10 +16,11 @@ import numpy as np
 
 from taxel.errors import BadTable
 from taxel.plain_text import number_of, visible
-from taxel.recordings.imports.row_times import BadTimes
-from taxel.recordings.imports.table_columns import text_cells, text_names
-from taxel.recordings.imports.table_form import column_places, header_names, is_whole
-from taxel.recordings.imports.tables import (
+from taxel.recordings.imports.trial_sets import MOST_TRIALS, Padding
+from taxel.recordings.imports.value_tables.row_times import BadTimes
+from taxel.recordings.imports.value_tables.table_columns import text_cells, text_names
+from taxel.recordings.imports.value_tables.table_form import column_places, header_names, is_whole
+from taxel.recordings.imports.value_tables.tables import (
     ALL,
     Column,
     Missing,
@@ -29,7 +30,6 @@ from taxel.recordings.imports.tables import (
     parse_time,
     read_table,
 )
-from taxel.recordings.imports.trial_sets import MOST_TRIALS, Padding
 
 _ENOUGH_LINES = 3
 """From which on a column can be seen to count them. Source: our choice, docs/decisions/0011."""

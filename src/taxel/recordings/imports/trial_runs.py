@@ -17,12 +17,13 @@ import numpy as np
 
 from taxel.errors import BadTable
 from taxel.plain_text import visible
-from taxel.recordings.imports.restarts import RESTARTS, begins_anew
-from taxel.recordings.imports.row_times import BadTimes, check_time
-from taxel.recordings.imports.stray_times import strays_of
-from taxel.recordings.imports.table_columns import text_cells, text_names
-from taxel.recordings.imports.table_form import header_names, is_number
-from taxel.recordings.imports.tables import (
+from taxel.recordings.imports.trial_sets import AND, MOST_TRIALS, Padding
+from taxel.recordings.imports.value_tables.restarts import RESTARTS, begins_anew
+from taxel.recordings.imports.value_tables.row_times import BadTimes, check_time
+from taxel.recordings.imports.value_tables.stray_times import strays_of
+from taxel.recordings.imports.value_tables.table_columns import text_cells, text_names
+from taxel.recordings.imports.value_tables.table_form import header_names, is_number
+from taxel.recordings.imports.value_tables.tables import (
     ALL,
     Missing,
     Table,
@@ -31,8 +32,7 @@ from taxel.recordings.imports.tables import (
     parse_time,
     read_table,
 )
-from taxel.recordings.imports.trial_sets import AND, MOST_TRIALS, Padding
-from taxel.recordings.time_stamps import stamp_s
+from taxel.recordings.imports.value_tables.time_stamps import stamp_s
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,10 +34,10 @@ from taxel.foreign.held_arrays import (
 )
 from taxel.foreign.sheets import file_behind
 from taxel.plain_text import visible
-from taxel.recordings.imports.row_times import BadTimes
-from taxel.recordings.imports.table_columns import read_cells
-from taxel.recordings.imports.table_form import TEXT_ENDINGS, is_number
-from taxel.recordings.imports.tables import Missing, Table
+from taxel.recordings.imports.value_tables.row_times import BadTimes
+from taxel.recordings.imports.value_tables.table_columns import read_cells
+from taxel.recordings.imports.value_tables.table_form import TEXT_ENDINGS, is_number
+from taxel.recordings.imports.value_tables.tables import Missing, Table
 
 FROM = "from:"
 """What a cell begins with that names where each trial's own value stands."""

@@ -12,8 +12,8 @@ from pathlib import Path, PurePath
 
 from taxel.errors import BadTable
 from taxel.recordings.imports.spelling import column_name, prefixed
-from taxel.recordings.imports.table_columns import by_column, read_cells
 from taxel.recordings.imports.table_files import file_of
+from taxel.recordings.imports.value_tables.table_columns import by_column, read_cells
 
 _CAMERA_COLUMNS = ("left", "right")
 _CAMERA = "camera:"

@@ -223,6 +223,9 @@ def camera_times(
         skew_frames: How many video frames the camera lags; None draws 0, 1 or 2.
         most_lost: Images that may be lost in a row; None sets no limit, so that a bad draw
             (40 % lost) now and then repeats an image for as long as a camera that is frozen.
+
+    Raises:
+        ValueError: A rate or the duration is not above 0.
     """
     if min(camera_hz, frame_hz, duration_s) <= 0:
         raise ValueError("needed rates and a duration above 0")

@@ -1,6 +1,6 @@
 """A force gauge that presses each sensor of the simulated hand with known forces, up and down.
 
-The charge under the gauge's tip follows `teng_electrics.full_voltage`, and every scan
+The charge under the gauge's tip follows `electrics.full_voltage`, and every scan
 passes through the same leak, hum, ghosts, clipping and bits as a grasp does. Knows nothing
 about files, curves or fits.
 """

@@ -147,6 +147,15 @@ def write_run(
     """Simulate a run and write its recording into a folder that is there; return its row.
 
     A recording that a killed worker left there is replaced.
+
+    Args:
+        folder: Where the recording goes.
+        run: The cup and how it is tried.
+        config: Frames a second, length and version of the gel.
+        camera_hz: Images a second of each camera.
+
+    Raises:
+        RecordingFailed: The folder is gone, or the disk refused.
     """
     track, videos = simulate_videos(run, camera_hz, config.frame_hz, config.duration_s, config.gel)
     row = describe_run(run, track)
@@ -262,7 +271,13 @@ def _images(
 def motion_at(
     motion: GelMotion, time_s: NDArray[np.float64], taken_s: NDArray[np.float64]
 ) -> GelMotion:
-    """Return a motion at other moments, by straight lines between those known."""
+    """Return a motion at other moments, by straight lines between those known.
+
+    Args:
+        motion: At the known moments.
+        time_s: Those moments, seconds, shape (known,), rising.
+        taken_s: When images were taken, seconds on the same clock, shape (n,).
+    """
 
     def at(values: NDArray[np.float64]) -> NDArray[np.float64]:
         if values.ndim == 1:

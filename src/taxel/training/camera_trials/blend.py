@@ -20,6 +20,7 @@ from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
 
 from taxel.training.camera_trials.inner_folds import Parts, held_out_parts
 from taxel.training.camera_trials.learning import Crops, Learning, Rows
+from taxel.training.camera_trials.member_weights import log_loss, sharpen, sharpened, trusted, weigh
 from taxel.training.camera_trials.novelty import (
     Novelty,
     held_out_novelty,
@@ -27,7 +28,6 @@ from taxel.training.camera_trials.novelty import (
     novelty_threshold,
 )
 from taxel.training.camera_trials.rank_sums import Logistic, Steady
-from taxel.training.camera_trials.weights import log_loss, sharpen, sharpened, trusted, weigh
 from taxel.windows.trial_crops import numbers_of
 from taxel.windows.trial_mirrors import Mirror, mirrors
 

@@ -43,7 +43,7 @@ class Learning:
     None where groups are."""
 
     def part(self, trials: NDArray[np.intp]) -> Learning:
-        """Return some trials, numbered anew."""
+        """Return some trials, each numbered by its place in `trials`, indices of shape (n,)."""
         number = np.full(len(self.y), -1)
         number[trials] = np.arange(len(trials))
         own = _some(Crops(self.rows, self.trial), number)

@@ -28,12 +28,6 @@ class Squeezed:
     scale: NDArray[np.float32]
 
     @staticmethod
-    def none() -> Squeezed:
-        """Return one for no columns."""
-        empty = np.zeros(0, np.float32)
-        return Squeezed(empty, empty, empty)
-
-    @staticmethod
     def of(rows: Rows) -> Squeezed:
         """Return what makes these rows alike."""
         size = np.maximum(np.median(np.abs(rows), axis=0), 1e-6).astype(np.float32)

@@ -116,7 +116,11 @@ def chosen_frames(frames: int, rate_hz: float) -> NDArray[np.intp]:
 
 
 def small(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return an image of 120×160 pixels; of one twice as large each is the mean of four."""
+    """Return an image at 120×160 pixels; of one twice as large each is the mean of four.
+
+    Args:
+        image: Shape (height, width, 3) or (height, width), uint8.
+    """
     return np.asarray(cv2.resize(image, (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA))
 
 

@@ -60,16 +60,16 @@ class Dot:
     """Printed at the right, instead of the value."""
 
 
-def dot_chart(dots: Sequence[Dot], least: float = 0.0, most: float = 1.0) -> Html:
-    """Return values as dots on one scale, with their intervals, a row each."""
+def dot_chart(dots: Sequence[Dot]) -> Html:
+    """Return values of 0…1 as dots on one scale, with their intervals, a row each."""
     left, right = _LABELS, 110
     wide, high = _WIDTH - left - right, _ROW * len(dots)
 
     def at(value: float) -> float:
-        return left + wide * (min(max(value, least), most) - least) / (most - least)
+        return left + wide * min(max(value, 0.0), 1.0)
 
     parts = []
-    for tick in _ticks(least, most):
+    for tick in _ticks(0.0, 1.0):
         x = at(tick)
         parts.append(_line(x, 4, x, high + 4, "var(--line)"))
         parts.append(_text(x, high + 18, f"{tick:g}", "middle", "soft"))

@@ -92,12 +92,11 @@ class GraspWarnings:
     def _results(self, data: Path, bar: Bar) -> tuple[CameraSet, list[Any]]:
         """Return the recordings, and the scores of each kind of features and each baseline."""
         from taxel.evaluation.early_warning.grasp_warnings import (
-            folds_within,
             split_by_folder,
             warn_on_unseen_cups,
             warn_trivially,
         )
-        from taxel.evaluation.transitions.data import trivial_features
+        from taxel.evaluation.transitions.data import cup_folds, trivial_features
 
         names = backbone_names(self.features, "--features")
         pours = _with_truth(load_set(self.labels, data, bar))
@@ -105,7 +104,7 @@ class GraspWarnings:
             others = _with_truth(load_set(self.labels, self.test, bar))
             pours, folds = split_by_folder(pours, others)
         else:
-            folds = folds_within(pours)
+            folds = cup_folds(pours.cups())
         results = []
         task = bar.add_task("training", total=None)
         for name in names:

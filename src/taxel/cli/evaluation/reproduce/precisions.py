@@ -89,7 +89,7 @@ class Precisions:
         rows = []
         with given_or_simulated(self.data, self.fit.seed, bar) as folder:
             pours = load_set(self.labels, folder, bar)
-            fold = cup_folds(pours.groups("cup"))[-1]
+            fold = cup_folds(pours.cups())[-1]
             for backbone in backbones:
                 config = head_config(self.labels.rule, self.fit, self.head, features=backbone)
                 task = bar.add_task(backbone, total=None)

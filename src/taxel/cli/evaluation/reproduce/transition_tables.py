@@ -87,12 +87,11 @@ class TransitionTables:
                 found = extract_features(extractor, backbone, pours, self.labels.folder(), bar)
                 weights = extractor.weights  # type: ignore[union-attr]
                 seen[name] = BackboneSeen(weights.label, found, weights.origin, tare)
-                for plan in plans:
-                    if not self.steps:
-                        break
-                    if plan.model in models and plan.frames == FRAMES:
-                        times[plan.model] = time_step(
-                            plan.model, extractor=extractor,  # type: ignore[arg-type]
+                timed = [plan.model for plan in plans if self.steps and plan.frames == FRAMES]
+                for model in timed:
+                    if model in models:
+                        times[model] = time_step(
+                            model, extractor=extractor,  # type: ignore[arg-type]
                             engine=self.engine.engine, precision=self.engine.precision,
                             threads=self.weights.threads,
                         )  # fmt: skip

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 from taxel.errors import BadTable
 from taxel.plain_text import number_of
-from taxel.recordings.imports.tables import ALL, MOST_CHANNELS, Column
+from taxel.recordings.imports.value_tables.tables import ALL, MOST_CHANNELS, Column
 
 _OWN = re.compile(r"\d+|(r\d+)?(c\d+)?(_\d+)?")
 """What arrays call their channels."""

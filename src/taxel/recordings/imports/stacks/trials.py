@@ -21,7 +21,6 @@ from taxel.errors import BadFile, BadTable
 from taxel.foreign.files import MIB
 from taxel.foreign.held_arrays import Cells, Numbers, bytes_of, sides_of
 from taxel.plain_text import number_of, visible
-from taxel.recordings.imports.row_times import BadTimes, check_time
 from taxel.recordings.imports.stacks.axes import (
     ROWS,
     TRIALS,
@@ -32,8 +31,16 @@ from taxel.recordings.imports.stacks.axes import (
 )
 from taxel.recordings.imports.stacks.channels import channel_counts, take_channels
 from taxel.recordings.imports.stacks.members import STAR, members_of, numbers_of, only_array
-from taxel.recordings.imports.table_columns import MOST_VALUES
-from taxel.recordings.imports.tables import (
+from taxel.recordings.imports.trial_sets import (
+    FROM,
+    MOST_TRIALS,
+    OpenedFile,
+    Padding,
+    label_texts,
+)
+from taxel.recordings.imports.value_tables.row_times import BadTimes, check_time
+from taxel.recordings.imports.value_tables.table_columns import MOST_VALUES
+from taxel.recordings.imports.value_tables.tables import (
     MOST_CHANNELS,
     TIME_UNITS_S,
     Column,
@@ -43,13 +50,6 @@ from taxel.recordings.imports.tables import (
     parse_columns,
     parse_time,
     refuse_stamps,
-)
-from taxel.recordings.imports.trial_sets import (
-    FROM,
-    MOST_TRIALS,
-    OpenedFile,
-    Padding,
-    label_texts,
 )
 
 _BLOCK_BYTES = 64 * MIB

@@ -21,8 +21,8 @@ from taxel.errors import BadTable
 from taxel.foreign.sheets import ENDING as SHEETS_ENDING
 from taxel.foreign.sheets import is_sheet, without_sheet
 from taxel.plain_text import visible
-from taxel.recordings.table_head import NO_VALUE, below_head, holds_units
-from taxel.recordings.time_stamps import is_stamp
+from taxel.recordings.imports.value_tables.table_head import NO_VALUE, below_head, holds_units
+from taxel.recordings.imports.value_tables.time_stamps import is_stamp
 
 _ENDINGS = (".csv", ".tsv", ".txt", ".dat")
 TEXT_ENDINGS = (*(f"{ending}.gz" for ending in _ENDINGS), *_ENDINGS, SHEETS_ENDING)

@@ -25,7 +25,7 @@ from taxel.foreign.files import MIB, open_file, refuse_larger, size_of
 from taxel.foreign.sheets import is_sheet
 from taxel.foreign.text_lines import lines_of
 from taxel.plain_text import number_of
-from taxel.recordings.imports.table_form import (
+from taxel.recordings.imports.value_tables.table_form import (
     DecimalSign,
     TableForm,
     find_form,
@@ -33,8 +33,8 @@ from taxel.recordings.imports.table_form import (
     is_number,
     is_whole,
 )
-from taxel.recordings.imports.table_rows import rows_of
-from taxel.recordings.time_stamps import is_stamp, seconds_of
+from taxel.recordings.imports.value_tables.table_rows import rows_of
+from taxel.recordings.imports.value_tables.time_stamps import is_stamp, seconds_of
 
 LARGEST_TABLE = 1024 * MIB
 """Bytes of a table of values, unpacked: three hours of twelve channels at 1 kHz as text. Our

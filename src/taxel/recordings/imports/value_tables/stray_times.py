@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.recordings.imports.restarts import begins_anew, restarts_of
+from taxel.recordings.imports.value_tables.restarts import begins_anew, restarts_of
 
 FAR = 10.0
 """Usual steps by which a time must lie outside those of its neighbours: rows in a wrong order do

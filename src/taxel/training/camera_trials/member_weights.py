@@ -99,12 +99,17 @@ def sharpen(probabilities: NDArray[np.float64], y: NDArray[np.intp]) -> float:
 
 
 def sharpened(probabilities: NDArray[np.float64], power: float) -> NDArray[np.float64]:
-    """Return probabilities raised to a power and made to sum to 1."""
+    """Return probabilities, shape (…, classes), raised to a power and made to sum to 1."""
     raised = np.maximum(probabilities, LEAST) ** power
     return np.asarray(raised / raised.sum(axis=-1, keepdims=True), np.float64)
 
 
 def log_loss(probabilities: NDArray[np.float64], y: NDArray[np.intp]) -> float:
-    """Return the mean negative logarithm of the true class's probability, nats."""
+    """Return the mean negative logarithm of the true class's probability, nats.
+
+    Args:
+        probabilities: Shape (n, classes); below `LEAST` they count as that.
+        y: True class numbers, shape (n,).
+    """
     found = float(np.log(np.maximum(probabilities[np.arange(len(y)), y], LEAST)).mean())
     return 0.0 - found  # not -0.0 where all are certain and correct

@@ -21,20 +21,20 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.grid_names import grid_place
-from taxel.recordings.imports.row_times import (
+from taxel.recordings.imports.value_tables.row_times import (
     LARGEST_RATE_HZ,
     REFUSED,
     BadTimes,
     DroppedRows,
     check_time,
 )
-from taxel.recordings.imports.table_columns import (
+from taxel.recordings.imports.value_tables.table_columns import (
     npy_columns,
     npy_shape,
     text_columns,
     text_names,
 )
-from taxel.recordings.imports.table_form import column_places, is_text
+from taxel.recordings.imports.value_tables.table_form import column_places, is_text
 
 Missing = Literal["refuse", "keep"]
 """What happens to empty cells, NaN and infinity: an error, or kept and flagged NOT_FINITE."""

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadTable
-from taxel.recordings.imports.table_form import is_number
-from taxel.recordings.imports.tables import LARGEST_VALUE
+from taxel.recordings.imports.value_tables.table_form import is_number
+from taxel.recordings.imports.value_tables.tables import LARGEST_VALUE
 
 MOST_MARKS = 16
 """Of one line of a table. Source: our choice."""

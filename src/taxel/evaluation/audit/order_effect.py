@@ -1,5 +1,5 @@
-"""Order: what changed from the earlier trials of a class to its later ones (orders.py says how that
-is known).
+"""What changed from the earlier trials of a class to its later ones; `trial_order` says which those
+are.
 
 Trained on earlier trials and tested on later ones, the same trees are compared with trees that were
 trained on as many trials of any time; and later trials differ from earlier ones. Where sessions
@@ -22,7 +22,7 @@ from taxel.evaluation.audit.evidence import Array, Fold, evidence_of, gap_p, pre
 from taxel.evaluation.audit.finding import Finding, Verdict
 from taxel.evaluation.audit.gaps import Gap
 from taxel.evaluation.audit.nuisances import sum_up
-from taxel.evaluation.audit.orders import Order, later_split, order_of
+from taxel.evaluation.audit.trial_order import Order, later_split, order_of
 from taxel.labels.trials import SESSIONS
 
 LEAST_CELL, LEAST_LATE = 4, 8

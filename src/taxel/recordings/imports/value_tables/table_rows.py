@@ -12,7 +12,7 @@ from pathlib import Path
 
 from taxel.errors import BadTable
 from taxel.plain_text import number_of
-from taxel.recordings.imports.table_form import TableForm, cells_of
+from taxel.recordings.imports.value_tables.table_form import TableForm, cells_of
 
 
 def rows_of(path: Path, lines: Iterator[str], form: TableForm) -> Iterator[list[str]]:

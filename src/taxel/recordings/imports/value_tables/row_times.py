@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.plain_text import number_of
-from taxel.recordings.imports.restarts import RESTARTS, restarts_of
-from taxel.recordings.imports.stray_times import strays_in_words, strays_of
+from taxel.recordings.imports.value_tables.restarts import RESTARTS, restarts_of
+from taxel.recordings.imports.value_tables.stray_times import strays_in_words, strays_of
 from taxel.recordings.scan_layout import FURTHEST_S
 
 OnBadTime = Literal["refuse", "drop"]

@@ -1,0 +1,1 @@
+"""Tables of values as people and instruments write them: texts, .npy and WAV."""
