@@ -150,6 +150,17 @@ def test_live_windows_of_a_touch_share_a_factor() -> None:
     assert found[3] == pytest.approx(0.5**0.5)
 
 
+def test_a_recording_that_ends_ends_its_touch_though_the_next_has_a_clock_of_its_own() -> None:
+    follower = LevelFollower(USUAL, FOLLOW.touches, 0.8, None)
+    for _ in range(2):
+        follower.begin(windows([[2.0, 4.0]]))
+        follower.add(windows([[2.0, 4.0]]))
+        follower.over()
+
+    assert follower.now().touches == 2
+    assert follower.now().least == pytest.approx(2.5**0.5)
+
+
 def test_live_without_pauses_a_touch_has_as_many_windows_as_a_usual_trial() -> None:
     found = live([[2.0, 4.0]] * 4, [0.0, 0.5, 1.0, 1.5], 2)
 

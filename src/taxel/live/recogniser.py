@@ -5,6 +5,7 @@ Adds no maths of its own. Knows nothing about screens or training frameworks.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import inf
 from time import perf_counter
@@ -22,7 +23,7 @@ from taxel.decisions.still_channels import StillChannel, StillWatch
 from taxel.live.rate_watch import RateChange, RateWatch
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.following import GateMove
-from taxel.windows.level_follow import LevelFollower, parse_level_follow
+from taxel.windows.level_follow import LevelFollower, LevelNow, parse_level_follow
 from taxel.windows.windower import Windower, Windows
 
 _NEAR_S = 0.03
@@ -76,6 +77,8 @@ class Recogniser:
         own = window.grid_hz is None and window.steps > 1 and bundle.contract.rate_hz > 0
         self._rate = RateWatch(bundle.contract.rate_hz) if own else None
         self._level = follower or follower_of(bundle.contract)
+        if follower is not None:
+            follower.over()
         self._near = len(sensor.only(window.channels).channels) if window.layout == "A" else 1
         rate_hz = window.grid_hz or sensor.rate_hz  # 0 of a recording of a single scan
         self._row_s = 1.0 / rate_hz if rate_hz > 0 else _SINGLE_S
@@ -124,6 +127,10 @@ class Recogniser:
         none where the bundle does not say how they changed in training.
         """
         return [] if self._still is None else self._still.take()
+
+    def level(self) -> LevelNow | None:
+        """Return where the session's level stands; None where levels are not followed."""
+        return None if self._level is None else self._level.now()
 
     def rate_changes(self) -> list[RateChange]:
         """Return where rows began, since the last call, to come at another rate than in training,
@@ -175,6 +182,32 @@ def follower_of(contract: Contract) -> LevelFollower | None:
         return None
     touches, gap_s = parse_level_follow(text).touches, contract.window.max_gap_s
     return LevelFollower(usual, touches, gap_s, contract.most_windows)
+
+
+class SessionLevels:
+    """What follows the level of each session that a folder's recordings belong to.
+
+    Args:
+        contract: Of the bundle that is run on them.
+    """
+
+    def __init__(self, contract: Contract) -> None:
+        self._contract = contract
+        self._known: dict[str, LevelFollower | None] = {}
+
+    def of(self, groups: Mapping[str, str]) -> LevelFollower | None:
+        """Return that of a recording's session; None where levels are not followed.
+
+        Args:
+            groups: The recording's own; one that does not name its session is of an unnamed one.
+        """
+        text = self._contract.window.level_follow
+        if text is None:
+            return None
+        session = groups.get(parse_level_follow(text).key, "")
+        if session not in self._known:
+            self._known[session] = follower_of(self._contract)
+        return self._known[session]
 
 
 def _scaled(window: Windows, level: LevelFollower, *, learns: bool) -> Windows:

@@ -23,6 +23,7 @@ from taxel.live.recogniser import Answer, Recogniser
 from taxel.signals import Mark, Samples
 from taxel.sources.contract import Source
 from taxel.windows.following import GateMove
+from taxel.windows.level_follow import LevelNow
 
 _KEPT_LATENCIES = 10_000
 """Latest latencies kept, so that memory stays constant."""
@@ -65,6 +66,8 @@ class Tally:
     """Times without a usable window, oldest first; the last `_KEPT_ANSWERS`."""
     outage_watch: OutageWatch = field(default_factory=lambda: OutageWatch(inf))
     """What finds them; none unless given."""
+    level: LevelNow | None = None
+    """Where the session's level stood in the end; None where levels are not followed."""
     late: bool = False
     """True where an answer may come after the mark that it lies in, as of a padded window."""
     _waiting: list[Decision] = field(default_factory=list)
@@ -168,6 +171,7 @@ class Tally:
         self.outages += other.outages
         del self.outages[:-_KEPT_ANSWERS]
         self.latest, self.grasp_answer = other.latest, other.grasp_answer
+        self.level = other.level
 
     def summary(self) -> dict[str, Any]:
         """Return the counts and latencies, for printing."""
@@ -191,6 +195,7 @@ class Tally:
                 asdict(change) | {"text": change.words()} for change in self.rate_changes
             ],
             "outages": [asdict(outage) | {"text": outage.words()} for outage in self.outages],
+            "level": None if self.level is None else asdict(self.level),
             "latency_us_median": float(np.median(latencies)),
             "latency_us_p99": float(np.percentile(latencies, 99)),
         }
@@ -251,6 +256,7 @@ def run_session(
         for answer in recogniser.flush():
             tally.add(answer)
         tally.note_still(recogniser.still_channels())
+        tally.level = recogniser.level()
     _compare(source, tallies, end_s)
     for tally in tallies:
         tally.settle()

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadInput
 from taxel.labels.trials import Trial
+from taxel.plain_text import number_of
 from taxel.windows.windower import Windows
 
 TOUCHES = 10
@@ -208,6 +209,25 @@ def _mean_of_logs(logs: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.where(count > 0, np.exp(total / np.maximum(count, 1)), 0.0))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelNow:
+    """Where a session's level stands."""
+
+    touches: int
+    """How many have shown it."""
+    least: float
+    """The smallest of the channels' levels, as a multiple of the usual one."""
+    most: float
+    """The largest."""
+
+    def words(self) -> str:
+        """In a few words, for a person."""
+        return (
+            f"levels followed over {number_of(self.touches, 'touch')}: channels stand at "
+            f"{self.least:.2f} to {self.most:.2f} of the usual level"
+        )
+
+
 class LevelFollower:
     """Follows the level of a live stream, touch by touch.
 
@@ -232,6 +252,17 @@ class LevelFollower:
         """Shape (channels,): what the next window's values are multiplied by."""
         self.touches = 0
         """How many have ended."""
+
+    def now(self) -> LevelNow:
+        """Return where the level stands."""
+        return LevelNow(touches=self.touches, least=float(1.0 / self.factor.max()),
+                        most=float(1.0 / self.factor.min()))  # fmt: skip
+
+    def over(self) -> None:
+        """End the touch, as where a recording ends."""
+        if self._windows:
+            self._take_in()
+        self._end_s = -np.inf
 
     def begin(self, window: Windows) -> None:
         """Note that a window comes, shape (1, steps, channels), before it is scaled."""

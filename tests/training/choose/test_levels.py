@@ -1,5 +1,7 @@
 """Levels that follow: when they are tried, when they are chosen, and that live equals offline."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +14,7 @@ from taxel.cli.main import main
 from taxel.errors import BadBundle
 from taxel.evaluation.nested import check_choosing
 from taxel.evaluation.outer_split import OuterSplit
-from taxel.live.recogniser import Recogniser
+from taxel.live.recogniser import Recogniser, SessionLevels
 from taxel.recordings.imports.importing import ImportRow, import_rows
 from taxel.recordings.reader import read_recording
 from taxel.training.choose.base import Base, load_base
@@ -142,6 +144,39 @@ def test_live_follows_as_a_score_of_recordings_does(
     assert np.ptp(dataset.to_level[:, 0]) > 0.1
     found = np.stack([answer.decision.probabilities for answer in live])
     np.testing.assert_allclose(found, offline, atol=1e-5)
+
+
+def test_of_a_folder_recordings_of_one_session_share_a_level(bundle: Path) -> None:
+    contract = read_bundle(bundle).contract
+    levels = SessionLevels(contract)
+    first = levels.of({"session": "a"})
+
+    assert first is not None
+    assert levels.of({"session": "a"}) is first
+    assert levels.of({"session": "b"}) is not first
+    window = replace(contract.window, level_follow=None)
+    assert SessionLevels(replace(contract, window=window)).of({"session": "a"}) is None
+
+
+def test_live_prints_where_the_level_stands(
+    bundle: Path, drifting: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All but the last of a session's touches have ended by a pause."""
+    source = f"replay://{drifting / 's0.mcap'}?speed=max"
+    capsys.readouterr()
+
+    main(["live", str(bundle), source, "--json"])
+    (result,) = json.loads(capsys.readouterr().out)
+    main(["live", str(bundle), source])
+    printed = " ".join(capsys.readouterr().out.split())
+
+    level = result["level"]
+    assert level["touches"] == TOUCHES - 1
+    assert 0 < level["least"] < level["most"]
+    assert (
+        f"levels followed over {TOUCHES - 1} touches: channels stand at {level['least']:.2f} to "
+        f"{level['most']:.2f} of the usual level"
+    ) in printed
 
 
 def test_a_contract_keeps_the_usual_level_and_refuses_one_that_does_not_fit(bundle: Path) -> None:

@@ -79,16 +79,23 @@ def live_arrays(options: ArrayOptions) -> None:
 def _run(options: ArrayOptions, bundles: Sequence[Bundle]) -> list[Tally]:
     """Run every recording of the source; return each bundle's counts over all of them."""
     from taxel.decisions.recognition import RecogniseConfig
-    from taxel.live.recogniser import Recogniser
-    from taxel.sources.opening import open_source, recordings_of
+    from taxel.live.recogniser import Recogniser, SessionLevels
+    from taxel.recordings.reader import read_manifest
+    from taxel.sources.opening import open_source, recordings_of, replayed_files
 
     config = RecogniseConfig(least_confidence=options.least_confidence)
     totals: list[Tally] = []
+    levels = [SessionLevels(bundle.contract) for bundle in bundles]
     notices = _InputNotices()
     with stop_signals(SUMMARY_FOLLOWS) as stopped:
         for address in recordings_of(options.source):
+            files = replayed_files(address)
+            groups = read_manifest(files[0]).groups if files else {}
             with open_source(address) as source:
-                recognisers = [Recogniser(bundle, source.info, config) for bundle in bundles]
+                recognisers = [
+                    Recogniser(bundle, source.info, config, level.of(groups))
+                    for bundle, level in zip(bundles, levels, strict=True)
+                ]
                 tallies = _run_source(options, source, recognisers, notices, stopped)
             for total, tally in zip(totals, tallies, strict=bool(totals)):
                 total.take_in(tally)
@@ -147,6 +154,7 @@ def _trained_on_warning(bundle: Bundle, source: str) -> str | None:
 def _summary_lines(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield what stands below a bundle's counts of answers: each line and its style."""
     from taxel.windows.following import GateMove
+    from taxel.windows.level_follow import LevelNow
 
     yield from _accuracy_lines(result)
     if result["filled"]:
@@ -160,6 +168,8 @@ def _summary_lines(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield f"{warning}{change['time_s']:.1f} s: {change['text']}", "yellow"
     for outage in result["outages"]:
         yield f"warning: {_outage_words(outage)}", "yellow"
+    if result["level"] is not None:
+        yield LevelNow(**result["level"]).words(), ""
     if result["windows"]:
         times = (
             f"median {result['latency_us_median']:.0f} µs, p99 {result['latency_us_p99']:.0f} µs"
