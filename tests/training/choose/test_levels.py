@@ -101,6 +101,15 @@ def test_levels_of_few_or_short_sessions_of_objects_or_of_nothing_are_not_tried(
     assert level_to_follow(base, short, Held(None)) is None
 
 
+def test_levels_of_sessions_of_one_class_are_not_tried(drifting: Path) -> None:
+    """What is common to such a session is the class."""
+    base = base_of(drifting)
+    session = [int(trial.groups["session"].removeprefix("s")) for trial in base.trials]
+    pure = [i for i, own in enumerate(session) if base.y[i] == own % 2]
+
+    assert level_to_follow(base, pure, Held("session")) is None
+
+
 def test_simple_models_beside_are_judged_on_values_as_measured(drifting: Path) -> None:
     """They would have the followed levels for nothing otherwise."""
     base = base_of(drifting)

@@ -20,6 +20,9 @@ FEWEST_SESSIONS = 3
 """Below it nobody can say what is usual. Source: our choice, 0061."""
 FEWEST_TOUCHES = 8
 """Of a usual session: a shorter one has ended before its level is known. Source: as above."""
+MIXED = 0.5
+"""Share of the classes that a usual session has, at least: the level of a session of one class is
+that class's own. Source: as above."""
 
 
 def level_to_follow(base: Base, train: Sequence[int], held: Held) -> str | None:
@@ -32,12 +35,15 @@ def level_to_follow(base: Base, train: Sequence[int], held: Held) -> str | None:
         train: Indices of the trials that may be looked at.
         held: What the inner folds hold out.
     """
+    y = base.y
     for key in dict.fromkeys((held.key, "session")):
         if key is None or key.lower() not in SESSIONS:
             continue
         if not all(key in trial.groups for trial in base.trials):
             continue
         counts = Counter(base.trials[i].groups[key] for i in train)
-        if len(counts) >= FEWEST_SESSIONS and median(counts.values()) >= FEWEST_TOUCHES:
+        kinds = Counter(name for name, _ in {(base.trials[i].groups[key], y[i]) for i in train})
+        mixed = median(kinds.values()) >= MIXED * len({y[i] for i in train})
+        if mixed and len(counts) >= FEWEST_SESSIONS and median(counts.values()) >= FEWEST_TOUCHES:
             return f"{key}:{TOUCHES}"
     return None
