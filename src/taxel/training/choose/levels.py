@@ -21,8 +21,8 @@ FEWEST_SESSIONS = 3
 FEWEST_TOUCHES = 8
 """Of a usual session: a shorter one has ended before its level is known. Source: as above."""
 MIXED = 0.5
-"""Share of the classes that a usual session has, at least: the level of a session of one class is
-that class's own. Source: as above."""
+"""Share of the classes that a usual session has, at least, and two of them: the level of a session
+of one class is that class's own. Source: as above."""
 
 
 def level_to_follow(base: Base, train: Sequence[int], held: Held) -> str | None:
@@ -43,7 +43,7 @@ def level_to_follow(base: Base, train: Sequence[int], held: Held) -> str | None:
             continue
         counts = Counter(base.trials[i].groups[key] for i in train)
         kinds = Counter(name for name, _ in {(base.trials[i].groups[key], y[i]) for i in train})
-        mixed = median(kinds.values()) >= MIXED * len({y[i] for i in train})
+        mixed = median(kinds.values()) >= max(2, MIXED * len({y[i] for i in train}))
         if mixed and len(counts) >= FEWEST_SESSIONS and median(counts.values()) >= FEWEST_TOUCHES:
             return f"{key}:{TOUCHES}"
     return None
