@@ -26,6 +26,7 @@ from taxel.recordings.imports.pieces import cut
 from taxel.recordings.imports.row_labels import marks_by_row
 from taxel.recordings.imports.row_times import BadTimes, check_time
 from taxel.recordings.imports.rows import ImportRow
+from taxel.recordings.imports.scan_blocks import lines_in_scan, read_blocks
 from taxel.recordings.imports.table_columns import text_cells
 from taxel.recordings.imports.table_form import is_text
 from taxel.recordings.imports.tables import Column, Missing, Table, TimeColumn
@@ -139,6 +140,8 @@ def _text_or_array(
     says how to say so.
     """
     but = row.by_row.values()
+    if not but and (lines := lines_in_scan(row.file, columns, time)):
+        return read_blocks(row.file, columns, time, missing, lines)
     try:
         return tables.read_table(row.file, columns, time, missing, bad_times=bad_times, but=but)
     except BadTable as error:

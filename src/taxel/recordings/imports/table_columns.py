@@ -25,13 +25,13 @@ from taxel.foreign.files import MIB, open_file, refuse_larger, size_of
 from taxel.foreign.sheets import is_sheet
 from taxel.foreign.text_lines import lines_of
 from taxel.plain_text import number_of
+from taxel.recordings.imports.places import place_by_number, places_of, some_names
 from taxel.recordings.imports.table_form import (
     DecimalSign,
     TableForm,
     find_form,
     is_missing,
     is_number,
-    is_whole,
 )
 from taxel.recordings.imports.table_rows import rows_of
 from taxel.recordings.time_stamps import is_stamp, seconds_of
@@ -45,8 +45,6 @@ LARGEST_LIST = 8 * MIB
 """Bytes of a table that lists files or intervals, some 100,000 of them. Source: our choice."""
 _MOST_CELLS = 1_000_000
 """Of such a list, and its rows count as cells too."""
-_MOST_PLACES = 6
-"""Columns of one name that a message counts up. Source: our choice, docs/decisions/0011."""
 _BLOCK_CELLS = 65_536
 _BLOCK_BYTES = 8 * MIB
 
@@ -91,17 +89,17 @@ def text_columns(
     form, below = find_form(path, table_lines(path, LARGEST_TABLE), wanted, beside)
     names = form.names
     what = (
-        f"a header with {_some(names)}"
+        f"a header with {some_names(names)}"
         if form.named
         else f"{number_of(len(names), 'column')}, no header"
     )
-    where = _places(path, names, wanted, what)
+    where = places_of(path, names, wanted, what)
     sign = DecimalSign(path, form.separator)
     stamped = where[wanted.index(stamps)] if stamps else -1
     values = _values(path, rows_of(path, below, form), form, where, sign, stamped)
     return TextColumns(
         values=values, first_line=form.first_line, decimal_comma=sign.comma,
-        number_header=_some(names) if form.counting else "", one_more=form.one_more,
+        number_header=some_names(names) if form.counting else "", one_more=form.one_more,
         passed_over=form.passed_over,
     )  # fmt: skip
 
@@ -131,10 +129,9 @@ def text_cells(
         BadTable: As `text_columns`, some of it only when the rows are taken.
     """
     form, below = find_form(path, table_lines(path, LARGEST_TABLE), wanted, beside)
-    what = (
-        f"a header with {_some(form.names)}" if form.named else number_of(len(form.names), "column")
-    )
-    where = _places(path, form.names, wanted, what)
+    columns = number_of(len(form.names), "column")
+    what = f"a header with {some_names(form.names)}" if form.named else columns
+    where = places_of(path, form.names, wanted, what)
     rows = rows_of(path, below, form)
     return form.first_line, ([row[place].strip() for place in where] for row in rows)
 
@@ -192,7 +189,7 @@ def npy_columns(path: Path, wanted: Sequence[str]) -> TextColumns:
                     "as many bytes as its shape says", f"{size - start:,} for {shape}", "write it"
                 )
             # Names are numbers here: nothing is listed, however many columns a head speaks of.
-            where = [_number_of(path, name, columns) for name in wanted]
+            where = [place_by_number(path, name, columns) for name in wanted]
             _refuse_many(path, rows * len(where))
             values = np.empty((rows, len(where)))
             if by_columns:
@@ -304,63 +301,6 @@ def table_lines(path: Path, most: int) -> Iterator[str]:
     return (line.rstrip("\r\n") for line in _raw_lines(path, most))
 
 
-def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:
-    """Return where each wanted name stands; a number counts columns where no name is one.
-
-    Where a name is a whole number, a second meaning of numbers would take another column unseen.
-    """
-    counted = not any(map(is_whole, names))
-    found: dict[str, int] = {}
-    twice: set[str] = set()
-    for index, name in enumerate(names):
-        if found.setdefault(name, index) != index:
-            twice.add(name)
-    for name in wanted:
-        if name in twice:
-            raise _several(path, name, names, what, counted=counted)
-        if name not in found:
-            index = as_number(name) if counted else 0
-            if not 1 <= index <= len(names):
-                raise _no_column(path, name, "no such column", what)
-            found[name] = index - 1
-    return [found[name] for name in wanted]
-
-
-def _number_of(path: Path, name: str, columns: int) -> int:
-    index = as_number(name)
-    if not 1 <= index <= columns:
-        raise BadTable(
-            f"columns by their numbers, 1 to {columns}: no names are in {path}", repr(name[:80]),
-            "write channels as 1[N] 2[N] in the import table",
-        )  # fmt: skip
-    return index - 1
-
-
-def as_number(name: str) -> int:
-    """Return the number, from 1, that a column is called by; 0 where its name is none."""
-    return int(name) if is_whole(name) and len(name) < 10 else 0
-
-
-def _no_column(path: Path, name: str, problem: str, what: str) -> BadTable:
-    mend = "correct it"
-    if is_whole(name) and what.startswith("a header"):
-        mend = "write a name as it stands there; if line 1 holds values, put names above it"
-    return BadTable(f"the column {name[:80]!r}", f"{problem} in {path} ({what})", mend)
-
-
-def _several(path: Path, name: str, names: Sequence[str], what: str, *, counted: bool) -> BadTable:
-    """Return the error of a name that several columns have: it says which."""
-    places = [number for number, own in enumerate(names, start=1) if own == name]
-    shown = ", ".join(map(str, places[:_MOST_PLACES])) + (" …" if places[_MOST_PLACES:] else "")
-    mend = "rename all but one of them in the file"
-    if counted:
-        mend = f"write the number of the one that is meant, such as {places[0]}, or {mend}"
-    return BadTable(
-        f"the column {name[:80]!r}",
-        f"{len(places)} columns of that name in {path}, columns {shown} ({what})", mend,
-    )  # fmt: skip
-
-
 def _numbers(path: Path, cells: list[str], name: str, first_line: int) -> NDArray[np.float64]:
     """Return a column's numbers; a cell without a value is NaN, any other must be a number."""
     try:
@@ -390,9 +330,3 @@ def _refuse_many(path: Path, count: int) -> None:
             f"at most {MOST_VALUES:,} values in a table", f"more in {path}",
             "cut it into several, or take fewer columns",
         )  # fmt: skip
-
-
-def _some(names: Sequence[str]) -> str:
-    named = [name for name in names if name]
-    more = f" and {len(named) - 12} more" if len(named) > 12 else ""
-    return ", ".join(name[:40] for name in named[:12]) + more

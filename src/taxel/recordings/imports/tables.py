@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.grid_names import grid_place
+from taxel.recordings.imports.places import some_names
 from taxel.recordings.imports.row_times import (
     LARGEST_RATE_HZ,
     REFUSED,
@@ -47,6 +48,11 @@ ALL = "*"
 """In the place of a channel's name: all columns but that of time."""
 _GRID = re.compile(r"(.{1,40}):([0-9]{1,4})x([0-9]{1,4})")
 """A grid of channels: its name, rows and columns."""
+_IN_LINES = (
+    "; lines are joined to a scan where each has as many numbers as a row of the grid, no line "
+    "names them and 'time' is a rate"
+)
+"""When scan_blocks.py reads a text."""
 TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Unit of a time column → seconds."""
 STAMPS = "iso"
@@ -91,6 +97,8 @@ class Table:
     """Whether each row ends in a separator, with an empty cell behind it that was left out."""
     passed_over: str = ""
     """Which lines around the names are no rows, and why, for a note; or empty."""
+    remarks: tuple[str, ...] = ()
+    """How the file was read, for notes."""
     doubts: tuple[str, ...] = ()
     """What may have been meant in another way, for notes."""
     dtype: np.dtype[Any] = field(default_factory=lambda: np.dtype(np.float64))
@@ -346,7 +354,10 @@ def _all_columns(
         raise BadTable(
             f"as many columns in {path} as {', '.join(words)} have places, {len(columns):,}, for a "
             "grid takes all of them in order",
-            f"{len(channels):,} beside that of time", "correct its rows and columns",
+            f"{len(channels):,}, {some_names(channels)}"
+            + (f", beside {some_names([names[place] for place in sorted(places)])}" * bool(places)),
+            "correct its rows and columns, or remove columns that are no taxels from the file"
+            + (_IN_LINES if is_text(path.name) else ""),
         )  # fmt: skip
     if known or not _by_rows(channels):
         raise BadTable(
