@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -45,6 +45,8 @@ LARGEST_LIST = 8 * MIB
 """Bytes of a table that lists files or intervals, some 100,000 of them. Source: our choice."""
 _MOST_CELLS = 1_000_000
 """Of such a list, and its rows count as cells too."""
+_NO_TIME = "00:00"
+"""A time stamp in the place of none."""
 _BLOCK_CELLS = 65_536
 _BLOCK_BYTES = 8 * MIB
 
@@ -70,7 +72,12 @@ class TextColumns:
 
 
 def text_columns(
-    path: Path, wanted: Sequence[str], stamps: str = "", beside: Collection[str] = ()
+    path: Path,
+    wanted: Sequence[str],
+    stamps: str = "",
+    beside: Collection[str] = (),
+    *,
+    parted: bool = False,
 ) -> TextColumns:
     """Return the wanted columns of a text; `table_form.find_form` says how it may be written.
 
@@ -82,24 +89,18 @@ def text_columns(
         stamps: The wanted column that holds dates or times of day, which become seconds
             (time_stamps.py); none by default.
         beside: Columns that are taken of the file by other calls, as in `find_form`.
+        parted: Whether empty rows part trials; they are rows of NaN then.
 
     Raises:
         BadTable: Anything in the file is not as it should be; says where.
     """
-    form, below = find_form(path, table_lines(path, LARGEST_TABLE), wanted, beside)
-    names = form.names
-    what = (
-        f"a header with {some_names(names)}"
-        if form.named
-        else f"{number_of(len(names), 'column')}, no header"
-    )
-    where = places_of(path, names, wanted, what)
+    form, where, rows = _opened(path, wanted, beside, parted=parted)
     sign = DecimalSign(path, form.separator)
     stamped = where[wanted.index(stamps)] if stamps else -1
-    values = _values(path, rows_of(path, below, form), form, where, sign, stamped)
+    values = _values(path, rows, form, where, sign, stamped)
     return TextColumns(
         values=values, first_line=form.first_line, decimal_comma=sign.comma,
-        number_header=some_names(names) if form.counting else "", one_more=form.one_more,
+        number_header=some_names(form.names) if form.counting else "", one_more=form.one_more,
         passed_over=form.passed_over,
     )  # fmt: skip
 
@@ -128,12 +129,49 @@ def text_cells(
     Raises:
         BadTable: As `text_columns`, some of it only when the rows are taken.
     """
-    form, below = find_form(path, table_lines(path, LARGEST_TABLE), wanted, beside)
-    columns = number_of(len(form.names), "column")
-    what = f"a header with {some_names(form.names)}" if form.named else columns
-    where = places_of(path, form.names, wanted, what)
-    rows = rows_of(path, below, form)
+    form, where, rows = _opened(path, wanted, beside)
     return form.first_line, ([row[place].strip() for place in where] for row in rows)
+
+
+def parted_cells(
+    path: Path, wanted: Sequence[str], beside: Collection[str] = ()
+) -> tuple[int, Iterator[list[str]]]:
+    """Return what `text_cells` does of a text whose empty rows part trials.
+
+    Before the cells of each row stands the number of its part, from 1; an empty row has no cells.
+    """
+    form, where, rows = _opened(path, wanted, beside, parted=True)
+    return form.first_line, _in_parts(rows, where)
+
+
+def _opened(
+    path: Path, wanted: Sequence[str], beside: Collection[str], *, parted: bool = False
+) -> tuple[TableForm, list[int], Iterator[list[str]]]:
+    """Return how a text is written, where its wanted columns stand, and its rows."""
+    form, below = find_form(path, table_lines(path, LARGEST_TABLE), wanted, beside)
+    form = replace(form, parted=parted)
+    names = form.names
+    what = (
+        f"a header with {some_names(names)}"
+        if form.named
+        else f"{number_of(len(names), 'column')}, no header"
+    )
+    return form, places_of(path, names, wanted, what), rows_of(path, below, form)
+
+
+def _in_parts(rows: Iterator[list[str]], where: Sequence[int]) -> Iterator[list[str]]:
+    part, within = 0, False
+    for row in rows:
+        if not (filled := _is_filled(row)):
+            yield []
+        else:
+            part += not within
+            yield [str(part), *(row[place].strip() for place in where)]
+        within = filled
+
+
+def _is_filled(row: Sequence[str]) -> bool:
+    return any(cell.strip() for cell in row)
 
 
 def _values(
@@ -155,6 +193,9 @@ def _values(
             line = form.first_line + count
             cells = [row[index] for row in block]
             if index == stamped:
+                if form.parted:  # the time of a row between trials is not looked at
+                    cells = [cell if _is_filled(row) else _NO_TIME
+                             for cell, row in zip(cells, block, strict=True)]  # fmt: skip
                 block_values[:, place] = seconds_of(path, cells, form.names[index], line)
                 continue
             cells = sign.with_points(cells, line)

@@ -40,6 +40,8 @@ from taxel.recordings.imports.table_form import column_places, is_text
 Missing = Literal["refuse", "keep"]
 """What happens to empty cells, NaN and infinity: an error, or kept and flagged NOT_FINITE."""
 
+Trials = Literal["one", "many", "parted"]
+"""Trials in a file: one, many, or many that empty rows part."""
 LARGEST_VALUE = float(np.finfo(np.float32).max)
 """Recordings hold values in 32 bits."""
 MOST_CHANNELS = 16_384
@@ -218,7 +220,7 @@ def read_table(
     missing: Missing = "refuse",
     *,
     bad_times: BadTimes = REFUSED,
-    in_trials: bool = False,
+    trials: Trials = "one",
     but: Collection[str] = (),
 ) -> Table:
     """Return the wanted columns of a text or a .npy file.
@@ -229,7 +231,8 @@ def read_table(
         time: Where time comes from.
         missing: What happens to values that are not finite. Time must always be.
         bad_times: What happens to rows whose times are garbled or repeat.
-        in_trials: Whether times may begin anew; then they are not looked at.
+        trials: How many it holds. Where times may begin anew, they are not looked at; where empty
+            rows part trials, values are not, either.
         but: Columns that `*` leaves out, beside that of time: other calls take them.
 
     Raises:
@@ -246,7 +249,7 @@ def read_table(
             refuse_stamps(time.column, str(path))
         text = npy_columns(path, wanted)
     elif is_text(path.name):
-        text = text_columns(path, wanted, stamps, but)
+        text = text_columns(path, wanted, stamps, but, parted=trials == "parted")
     else:
         raise BadTable(
             "a .csv, .tsv, .txt or .dat file, packed as .gz or not, .xlsx, .wav, .npy, .npz, .mat, "
@@ -257,7 +260,10 @@ def read_table(
         )  # fmt: skip
     cells, first_line = text.values, text.first_line
     values = cells[:, : len(columns)]
-    check_values(path, values, [column.name for column in columns], missing, first_line)
+    if trials != "parted":
+        if missing == "refuse" and is_text(path.name) and len(wanted) > 1:
+            _refuse_empty(path, cells, first_line, timed=time.column is not None)
+        check_values(path, values, [column.name for column in columns], missing, first_line)
     table = Table(
         values=values,
         time_s=_time_s(cells, time),
@@ -269,10 +275,23 @@ def read_table(
         passed_over=text.passed_over,
         dtype=text.dtype,
     )
-    if in_trials or time.column is None:
+    if trials != "one" or time.column is None:
         return table
     text_lines = is_text(path.name)
     return table.without(check_time(path, table.time_s, bad_times, first_line, text=text_lines))
+
+
+def _refuse_empty(path: Path, cells: NDArray[np.float64], first_line: int, *, timed: bool) -> None:
+    """Refuse rows of a text without any value, shape (n, columns): they may part trials."""
+    empty = np.flatnonzero(np.isnan(cells).all(axis=1))
+    if not empty.size:
+        return
+    keep = "" if timed else ", or keep it as invalid with --missing keep"
+    raise BadTable(
+        "a finite number that 32 bits hold",
+        f"nan in {path}, line {empty[0] + first_line}, where no channel has a value",
+        f"if such rows part trials write 'empty rows' in the column 'trials', or remove it{keep}",
+    )
 
 
 def check_values(
