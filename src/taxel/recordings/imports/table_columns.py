@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -282,8 +282,7 @@ def read_cells(path: Path) -> list[list[str]]:
         BadTable: It cannot be read, is too long, not text in a certain encoding, or no CSV.
     """
     text = "".join(_raw_lines(path, LARGEST_LIST))
-    with_text = (line for line in io.StringIO(text) if line.strip() and line[0] != "#")
-    separator = "\t" if is_sheet(path) else max("\t;,", key=next(with_text, "").count)
+    separator = list_separator(path, io.StringIO(text))
     rows, cells = [], 0
     try:
         for row in csv.reader(io.StringIO(text, newline=""), delimiter=separator):
@@ -296,6 +295,12 @@ def read_cells(path: Path) -> list[list[str]]:
     except csv.Error as error:
         raise BadTable("a table (CSV)", f"{path}: {error}", "save it again as CSV") from error
     return _trimmed(rows)
+
+
+def list_separator(path: Path, lines: Iterable[str]) -> str:
+    """Return what separates the cells of a small table, by its first line that is no remark."""
+    with_text = (line for line in lines if line.strip() and line[0] != "#")
+    return "\t" if is_sheet(path) else max("\t;,", key=next(with_text, "").count)
 
 
 def by_column(columns: Sequence[str], cells: Sequence[str], where: str) -> dict[str, str]:
@@ -355,14 +360,27 @@ def _numbers(path: Path, cells: list[str], name: str, first_line: int) -> NDArra
             numbers[row] = np.nan
             continue
         if not is_number(cell):
+            where = f"in {path}, line {row + first_line}, column {name[:80]!r}"
+            if _holds_several(cell):
+                raise BadTable(
+                    "a number", f"{cell[:80]!r} {where}, where blanks separate no cells",
+                    "write as many numbers in each line, or separate them by commas, semicolons or "
+                    "tabs; for other texts, name a function that reads them in the column 'layout'",
+                )  # fmt: skip
             raise BadTable(
                 "a number",
-                f"{cell[:80]!r} in {path}, line {row + first_line}, column {name[:80]!r}",
+                f"{cell[:80]!r} {where}",
                 "if it is the time, write NAME[iso] in the column 'time'; else choose other columns"
                 if is_stamp(cell) else mend_number(cell),
             )  # fmt: skip
         numbers[row] = float(cell)
     return numbers
+
+
+def _holds_several(cell: str) -> bool:
+    """Return whether a cell holds several numbers with blanks between them."""
+    words = cell.split()
+    return len(words) > 1 and all(map(is_number, words))
 
 
 def _refuse_many(path: Path, count: int) -> None:
