@@ -16,7 +16,7 @@ from scipy.stats import binomtest
 from taxel.errors import BadInput
 from taxel.evaluation.intervals import ratio_interval
 from taxel.labels.trials import Trial, coarsest_group, lone_group
-from taxel.plain_text import number_of, several
+from taxel.plain_text import noun_of, number_of, several
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
 
@@ -320,7 +320,7 @@ def _verdict(paired: Paired, first: str, second: str) -> str:
         )
     if paired.lone not in (None, paired.group):
         sentences.append(
-            f"Only one {paired.lone} was tested: this says nothing about other "
+            f"Only one {noun_of(paired.lone)} was tested: this says nothing about other "
             f"{several(paired.lone)}."
         )
     if "leaks" in paired.split:
