@@ -67,3 +67,17 @@ def test_a_text_with_empty_rows_is_refused_with_what_helps(tmp_path):
         table.write_text("file,channels,time\nall.csv,x[N] y[N],t[s]\n")
         with pytest.raises(BadTable, match=f"{problem}.*{words}"):
             import_table(table, tmp_path / "out")
+
+
+@pytest.mark.parametrize("time", ["t[s]", "rate:1Hz"])
+def test_labels_of_rows_stay_with_their_trials(tmp_path, time):
+    """Without a column of time, each trial begins at 0."""
+    table = write(tmp_path, "\n,,,\n")
+    table.write_text(
+        f"file,trials,label:object,channels,time\nall.csv,empty rows,rows:object,x[N],{time}\n"
+    )
+    found = [read_recording(path) for path in import_table(table, tmp_path / "out")]
+    assert [[mark.labels["object"] for mark in own.marks] for own in found] == [
+        ["cup"], ["box"], ["cup"],
+    ]  # fmt: skip
+    assert [own.samples.fitted_s[0] for own in found] == [0.0, 0.0, 0.0]

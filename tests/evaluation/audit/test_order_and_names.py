@@ -269,29 +269,6 @@ def test_of_so_few_trials_what_reaches_much_alone_is_named_with_its_figure() -> 
     assert low.message.startswith("A trial's length does not predict the label as far as")
 
 
-def test_what_a_split_trains_on_too_little_to_show_is_not_called_clean(
-    make_set: Make, tmp_path: Path
-) -> None:
-    """Length gives the class away over all trials; two trials to learn from cannot show it."""
-    touch = make_set["array"](trials=90)
-    rows = tuple(own[: 40 - 6 * c] for own, c in zip(touch.rows, touch.y, strict=True))
-    times = tuple(own[: len(r)] for own, r in zip(touch.time_s, rows, strict=True))
-    touch = replace(touch, rows=rows, time_s=times)
-    found = {}
-    for count in (1, 20):
-        learned = {int(i) for c in range(3) for i in np.flatnonzero(touch.y == c)[:count]}
-        lines = (f"{t.recording},{'train' if i in learned else 'test'}\n"
-                 for i, t in enumerate(touch.trials))  # fmt: skip
-        (tmp_path / "folds.csv").write_text("recording,side\n" + "".join(lines))
-        case = make_case(touch, table_sides(touch, tmp_path / "folds.csv", 10), 10, 0)
-        reading = read_length(case)
-        found[count] = reading.finding(reading.evidence.p)
-
-    assert (found[1].verdict, found[20].verdict) == ("too few", "leak")
-    assert "without the split it predicts the label (1.000, majority 0.333)" in found[1].message
-    assert found[1].mend == "audit without the split, and mend what is found there"
-
-
 def test_trials_of_one_length_cannot_be_told_by_it_however_few(make_set: Make) -> None:
     touch = make_set["array"]()
     result = audit(touch.only(np.flatnonzero(touch.y < 2)[:8]), "few")

@@ -101,9 +101,9 @@ def read_blocks(
         raise _cut(path, grids, lines, "the end of", left)
     cells_read = np.frombuffer(values)
     if missing == "refuse" and (odd := np.flatnonzero(~(np.abs(cells_read) <= LARGEST_VALUE))).size:
-        line, cell = divmod(int(odd[0]), width)
+        place, cell = divmod(int(odd[0]), width)
         raise BadTable("a finite number that 32 bits hold",
-                       f"{cells_read[odd[0]]} in {path}, line {numbers[line]}, cell {cell + 1}",
+                       f"{cells_read[odd[0]]} in {path}, line {numbers[place]}, cell {cell + 1}",
                        "mend the file, or keep such cells as invalid with --missing keep",
                        )  # fmt: skip
     scans = cells_read.reshape(-1, len(columns)).copy()
