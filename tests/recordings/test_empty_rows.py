@@ -60,7 +60,7 @@ def test_a_text_with_empty_rows_is_refused_with_what_helps(tmp_path):
     """Whether they were written as separators only, or as blank lines."""
     words = r"write 'empty rows' in the column 'trials'"
     for between, problem in (
-        (",,,\n", r"got nan in \S+, line 5, where no channel has a value; if they part "),
+        (",,,\n", r"got nan in \S+, line 5, where no channel has a value; if such rows part "),
         ("\n", r"needed 4 cells in every line; got 0 in \S+, line 5; remove the blank line; if "),
     ):
         table = write(tmp_path, between)

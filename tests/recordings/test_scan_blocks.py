@@ -6,7 +6,7 @@ import pytest
 from taxel.cli.main import main
 from taxel.errors import BadTable
 from taxel.recordings.imports.scan_blocks import lines_in_scan, read_blocks
-from taxel.recordings.imports.tables import TimeColumn, parse_columns, parse_time
+from taxel.recordings.imports.tables import TimeColumn, parse_columns, parse_time, read_table
 from taxel.recordings.reader import read_recording
 
 RATE = TimeColumn(rate_hz=10.0)
@@ -96,6 +96,13 @@ def test_missing_values_may_be_kept(tmp_path):
     path = tmp_path / "cup.txt"
     path.write_text("1 nan\n3 4\n")
     np.testing.assert_array_equal(read(path, "p:2x2[N]", "keep").values, [[1, np.nan, 3, 4]])
+
+
+def test_such_a_text_of_which_all_columns_are_asked_for_says_how_to_name_its_grid(tmp_path):
+    path = tmp_path / "cup.txt"
+    path.write_text(blocks(3, 4, 4, "\n"))
+    with pytest.raises(BadTable, match=r"scans of several lines, write the grid in 'channels', as"):
+        read_table(path, parse_columns("*[N]", "here"), RATE)
 
 
 def test_import_reads_such_a_text_and_says_so_once(tmp_path, capsys):

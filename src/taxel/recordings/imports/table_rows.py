@@ -14,6 +14,8 @@ from taxel.errors import BadTable
 from taxel.plain_text import number_of
 from taxel.recordings.imports.table_form import TableForm, cells_of
 
+_GRIDS = "if they part scans of several lines, write the grid in 'channels', as pad:4x4[N]; "
+
 
 def rows_of(path: Path, lines: Iterator[str], form: TableForm) -> Iterator[list[str]]:
     """Yield the cells of each line, which must be as many as there are columns.
@@ -67,7 +69,9 @@ def _ragged(path: Path, form: TableForm, count: int, number: int) -> BadTable:
     if not count:
         mend = (
             "remove the blank line; if blank lines part trials, write 'empty rows' in the column "
-            "'trials'; if another table begins below it, save that by itself"
+            "'trials'; "
+            + _GRIDS * (not form.named)
+            + "if another table begins below it, save that by itself"
         )
     elif count < names:
         mend = "mend the file, which may have been cut short"

@@ -290,7 +290,7 @@ def _refuse_empty(path: Path, cells: NDArray[np.float64], first_line: int, *, ti
     raise BadTable(
         "a finite number that 32 bits hold",
         f"nan in {path}, line {empty[0] + first_line}, where no channel has a value",
-        f"if they part trials, write 'empty rows' in the column 'trials', or remove it{keep}",
+        f"if such rows part trials, write 'empty rows' in the column 'trials'; or remove it{keep}",
     )
 
 
