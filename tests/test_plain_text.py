@@ -22,6 +22,7 @@ from taxel.plain_text import (
     figures,
     html_text,
     json_text,
+    noun_of,
     number_of,
     several,
     shell_words,
@@ -278,7 +279,8 @@ def test_figures_that_differ_look_different(numbers: tuple[float, ...], shown: l
 @pytest.mark.parametrize(
     ("name", "several_named"),
     [("session", "sessions"), ("day", "days"), ("pitch", "pitches"), ("body", "bodies"),
-     ("box", "boxes"), ("class", "classes"), ("epoch", "epochs"), ("axis", "axes")],
+     ("box", "boxes"), ("class", "classes"), ("epoch", "epochs"), ("axis", "axes"),
+     ("cut_from", "files")],
 )  # fmt: skip
 def test_several_of_a_group_are_named_as_in_english(name: str, several_named: str) -> None:
     assert several(name) == several_named
@@ -292,6 +294,12 @@ def test_a_number_stands_before_the_singular_only_where_it_is_1(
     count: int, form: str, shown: str
 ) -> None:
     assert number_of(count, "more try", form) == shown
+
+
+def test_a_group_whose_name_is_no_noun_is_named_by_what_its_values_are() -> None:
+    assert number_of(1, "cut_from") == "1 file"
+    assert number_of(4, "cut_from") == "4 files"
+    assert noun_of("session") == "session"
 
 
 def test_no_text_leaves_the_plural_open() -> None:

@@ -28,6 +28,8 @@ _MOST_DECIMALS, _MOST_PLAIN = 17, 1e12
 _DIGEST = 8
 """Hexadecimal digits by which shortened texts differ: 32 bits."""
 _IRREGULAR = {"epoch": "epochs", "axis": "axes"}
+_PLAIN = {"cut_from": "file"}
+"""A group's name that is no noun → what its values are: what pieces were cut from."""
 
 
 def visible(value: object) -> str:
@@ -66,8 +68,14 @@ def visible_line(value: object, most: int = MOST_LINE) -> str:
     return without_controls(text).replace("\n", "\\x0a")
 
 
+def noun_of(key: str) -> str:
+    """Return the noun for a value of a group: its name, or what its values are."""
+    return _PLAIN.get(key, key)
+
+
 def several(key: str) -> str:
     """Return a noun, such as a group's name, for several: "session" → "sessions"."""
+    key = noun_of(key)
     if key.endswith("y") and key[-2:-1] not in "aeiou":
         return f"{key[:-1]}ies"
     for single, plural in _IRREGULAR.items():
@@ -84,7 +92,7 @@ def number_of(count: int, noun: str, form: str = "") -> str:
         noun: What is counted, in the singular: "window", "labelled object".
         form: The number's format, such as "," for 1,234.
     """
-    return f"{count:{form}} {noun if count == 1 else several(noun)}"
+    return f"{count:{form}} {noun_of(noun) if count == 1 else several(noun)}"
 
 
 def without_controls(text: str) -> str:

@@ -102,7 +102,47 @@ def test_a_group_is_one_value_a_range_or_names():
     assert _span([f"r{n}" for n in range(41)] * 2).endswith(" and 35 more")
     assert _span(["a", "a"]) == "a"
     assert _span(["9.5", "10", "-1"]) == "-1 to 10"
+    assert _span(["20", "100", "20"]) == "20, 100"
+    assert _span(["a#10", "a#2", "a#1"] * 2) == "a#1, a#2, a#10"
+    cut_from = [f"a#{n}" for n in range(1, 31)] * 9
+    assert _span(cut_from, shared=False) == "a#1, a#2, a#3, a#4, a#5, a#6 and 24 more"
     assert _span([f"s{i}" for i in range(8)]) == "s0, s1, s2, s3, s4, s5 and 2 more"
+
+
+def test_recordings_of_one_scan_have_no_length_and_no_measured_rate(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    sensor = SensorInfo(name="pad", channels=("a",), units=("N",), rate_hz=1.0)
+    for name in ("a", "b"):
+        with Recorder(tmp_path / f"{name}.mcap", Manifest.started_now(sensor)) as recorder:
+            recorder.write(Samples.from_values(np.ones((1, 1)), np.zeros(1)))
+
+    main(["info", str(tmp_path)])
+    main(["info", str(tmp_path / "a.mcap")])
+
+    text = capsys.readouterr().out
+    assert f"{tmp_path}: 2 recordings, 2 scans, all checksums valid\n" in text
+    assert "scans      1\n" in text
+    assert "rate       not measured, 1 scans/s nominal\n" in text
+
+
+def test_pieces_name_few_of_the_files_that_they_were_cut_from(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    sensor = SensorInfo(name="pad", channels=("a",), units=("N",), rate_hz=10.0)
+    marks = [
+        Mark(start_s=n / 10, end_s=n / 10, labels={}, groups={"cut_from": f"a.csv#{n // 2 + 1}"})
+        for n in range(20)
+    ]
+    with Recorder(tmp_path / "a.mcap", Manifest.started_now(sensor)) as recorder:
+        recorder.write(Samples.from_values(np.ones((20, 1)), np.arange(20) / 10))
+        for mark in marks:
+            recorder.mark(mark)
+
+    main(["info", str(tmp_path)])
+
+    shown = ", ".join(f"a.csv#{n}" for n in range(1, 7))
+    assert f"group cut_from: {shown} and 4 more\n" in capsys.readouterr().out
 
 
 def test_a_bundle_says_what_it_predicts_from_what_and_how_well(

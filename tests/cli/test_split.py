@@ -1,6 +1,7 @@
 """Claims about `taxel split`: it holds out what training holds out, and its table does so again."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -127,6 +128,15 @@ def test_it_names_what_each_fold_holds_out_and_what_a_side_lacks(
         "  tested: 2 trials, cup=2",
         "  not tested: jar",
     ]
+
+
+def test_moments_that_are_held_out_are_a_range(
+    long: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    main(["split", str(long), "--split", "order:time:50%"])
+    line = capsys.readouterr().out.splitlines()[1]
+    assert re.search(r": holds out [0-9]+ times, from [0-9.]+ to [0-9.]+$", line), line
 
 
 def test_trials_on_no_side_are_counted_and_single_windows_are_no_table(

@@ -91,6 +91,7 @@ def test_a_network_stands_clear_where_its_whole_interval_does_and_runs_could_be_
     assert found == standing
     assert "“means”" in comparison
     assert (few_groups("session", groups) is None) == (groups > 5)
+    assert str(few_groups("cut_from", 4)).startswith("4 files: ")
 
 
 def scores_of(confusion: list[list[int]]) -> Scores:

@@ -199,6 +199,9 @@ def test_a_single_tested_session_says_nothing_about_others(
     assert ONE_SESSION in console.export_text()
     assert only_one(judge(checked(pads, GivenSplit()).predictions).lone, "session") is None
     assert str(only_one("body", "session")).endswith("says nothing about other bodies")
+    assert only_one("cut_from", "session") == (
+        "only one file was tested: the interval says nothing about other files"
+    )
 
 
 def test_objects_that_a_table_puts_on_both_sides_are_counted(pads: Path, tmp_path: Path) -> None:

@@ -37,6 +37,24 @@ def test_a_npy_stack_takes_its_labels_from_files_beside_it(tmp_path):
     assert "one column 'hour'" in refusal(tmp_path, row)
 
 
+@pytest.mark.parametrize(
+    ("separator", "name", "sign"), [(",", "y.csv", "commas"), ("\t", "y.tsv", "tabs")]
+)
+def test_a_list_of_labels_whose_name_holds_separators_says_so(tmp_path, separator, name, sign):
+    np.save(tmp_path / "X.npy", X)
+    header = f"class (0 is cup{separator}1 is ball)"
+    (tmp_path / name).write_text("\n".join([header, *OBJECTS.tolist()]) + "\n")
+    row = f"X.npy,,trials rows channels,from:{name},,{OWN},rate:50Hz"
+
+    message = refusal(tmp_path, row)
+
+    assert f"got 2, for its line 1 was split at its {sign}: class (0 is cup, 1 is ball)" in message
+    assert f"as in from:{name}:NAME; or, if line 1 is one name, write it in double" in message
+    (tmp_path / name).write_text("\n".join([f'"{header}"', *OBJECTS.tolist()]) + "\n")
+    made = bring(tmp_path, row)
+    assert [item.manifest.labels["object"] for item in made] == OBJECTS.tolist()
+
+
 def test_a_list_of_labels_whose_first_was_taken_for_a_name_says_so(tmp_path):
     """One that stands there once only: nothing tells it from the name of the column."""
     np.save(tmp_path / "X.npy", X)

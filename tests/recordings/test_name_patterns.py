@@ -159,6 +159,11 @@ def test_no_name_takes_long():
         ("{group:a:digits}{digits}.csv", "got {group:a:digits}{digits} in line 2; write what"),
         ("t0{group:n:digits}.csv", "got t0{group:n:digits}.csv in line 2; leave those digits out"),
         ("{digits}0.csv", "got {digits}0.csv"),
+        ("{order:run:digits}.csv", "write it as {label:run:digits} or {group:run:digits}"),
+        (
+            "{order:trial:digits}.csv",
+            "write it as {label:trial_number:digits} or {group:trial_number:digits}",
+        ),
         ("{object:digits}.csv", "write it as {label:object:digits} or {group:object:digits}"),
         ("{label}.csv", "write it as {label:label}"),
         ("{digit}.csv", "got '{digit}'"),

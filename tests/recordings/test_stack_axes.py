@@ -34,6 +34,18 @@ def test_other_words_are_refused(text):
         parse_axes(text, "here")
 
 
+def test_a_second_axis_of_channels_is_called_parts():
+    """It claims no grid; the refusal of the same word twice says so."""
+    axes = parse_axes("trials channels parts rows", "here")
+    trial = np.arange(39 * 2 * 5).reshape(1, 39, 2, 5)
+    table, names = axes.table(trial), axes.names(trial.shape)
+
+    assert (table.shape, names[:3], names[-1]) == ((5, 78), ("1_1", "1_2", "2_1"), "39_2")
+    np.testing.assert_array_equal(table[:, 3], trial[0, 1, 1])
+    with pytest.raises(BadTable, match="write parts for the second axis of channels"):
+        parse_axes("channels channels rows", "here")
+
+
 def test_axes_fit_the_shape():
     """As many, and a 1 of length 1."""
     check_axes(Axes(("trials", "rows", "1")), (4, 3, 1), "X")
@@ -49,6 +61,9 @@ def test_axes_fit_the_shape():
         ("rows", ("1",)),
         ("rows height width", ("r1c1", "r1c2", "r1c3", "r2c1", "r2c2", "r2c3")),
         ("rows width height", ("r1c1", "r1c2", "r2c1", "r2c2", "r3c1", "r3c2")),
+        ("rows channels parts", ("1_1", "1_2", "1_3", "2_1", "2_2", "2_3")),
+        ("rows parts channels", ("1_1", "1_2", "2_1", "2_2", "3_1", "3_2")),
+        ("rows height parts", ("r1_1", "r1_2", "r1_3", "r2_1", "r2_2", "r2_3")),
         ("rows height channels", ("r1_1", "r1_2", "r1_3", "r2_1", "r2_2", "r2_3")),
     ],
 )

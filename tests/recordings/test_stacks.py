@@ -96,6 +96,16 @@ def test_a_grid_of_taxels_is_named_by_row_and_column(tmp_path):
     )
 
 
+def test_parts_of_channels_are_channels_that_claim_no_grid(tmp_path):
+    """All of them, or some by name."""
+    np.save(tmp_path / "a.npy", np.arange(2 * 3 * 2 * 5, dtype="i2").reshape(2, 3, 2, 5))
+    first, _ = bring(tmp_path, "a.npy,,trials channels parts rows,x,1,*[count],rate:50Hz")
+    assert first.manifest.sensor.channels == ("1_1", "1_2", "2_1", "2_2", "3_1", "3_2")
+    np.testing.assert_array_equal(first.samples.values[:, 2], range(10, 15))
+    first, _ = bring(tmp_path, "a.npy,,trials channels parts rows,x,1,3_1[count],rate:50Hz")
+    np.testing.assert_array_equal(first.samples.values[:, 0], range(20, 25))
+
+
 def test_cells_and_arrays_that_are_called_alike_are_trials_of_their_own_length(tmp_path):
     """MATLAB's cells, np.savez(path, *trials), and a group of HDF5 for each trial."""
     trials = [X[0], X[1, :4], X[2, :7]]

@@ -94,6 +94,16 @@ def test_a_line_of_names_may_hold_numbers(tmp_path, text, channels, time):
     np.testing.assert_array_equal(read(tmp_path / "a.csv", channels, time).values, WANTED)
 
 
+@pytest.mark.parametrize("text", ["0\n1 2.5 3\n4 5\n", "1 2\n3 4 5\n6 7\n"])
+def test_lines_of_different_lengths_say_that_a_line_was_read_as_one_cell(tmp_path, text):
+    (tmp_path / "a.txt").write_text(text)
+    with pytest.raises(BadTable, match=(
+        r"got '[0-9. ]+' in \S+, line 2, column '.*', where blanks separate no cells; write as "
+        r"many numbers in each line, .*; for other texts, name a function .* in the column 'layout'"
+    )):  # fmt: skip
+        read(tmp_path / "a.txt", "*[V]", "rate:1Hz")
+
+
 def test_names_that_count_columns_are_not_taken_for_a_row(tmp_path):
     (tmp_path / "a.csv").write_text("shape,0,1,2\ncup,1.5,-2,3\negg,2.5,300,3\n")
     with pytest.raises(BadTable, match=r"'3'.*if line 1 holds values, put names above"):

@@ -224,8 +224,23 @@ def test_a_grid_names_the_columns_of_a_file_in_order(tmp_path, header):
 
     assert table.names == tuple(f"s_r{row}c{column}" for row in (1, 2) for column in (1, 2, 3))
     np.testing.assert_array_equal(table.values[0], range(1, 7))
-    with pytest.raises(BadTable, match=r"as q:2x2 have places, 4, .* got 6 beside"):
+    with pytest.raises(BadTable, match=r"as q:2x2 have places, 4, .* got 6, .*, beside t;"):
         read_table(path, parse_columns("q:2x2[N]", "here"), time)
+
+
+def test_a_grid_that_does_not_fit_names_the_columns_that_were_counted(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("t,a,b,c,d,label,x\n10,1,2,3,4,5,6\n20,2,3,4,5,6,7\n")
+    grid = parse_columns("s:2x2[N]", "here")
+
+    with pytest.raises(
+        BadTable, match=r"got 6, a, b, c, d, label, x, beside t; correct .* remove columns that"
+    ):
+        read_table(path, grid, parse_time("t[ms]", "here"))
+    with pytest.raises(BadTable, match=r"got 6, t, a, b, c, d, x, beside label;"):
+        read_table(path, grid, TimeColumn(rate_hz=1.0), but=["label"])
+    with pytest.raises(BadTable, match=r"got 7, t, a, b, c, d, label, x; .* no line names them"):
+        read_table(path, grid, TimeColumn(rate_hz=1.0))
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from scipy.stats import binomtest
 from taxel.errors import BadInput
 from taxel.evaluation.intervals import ratio_interval
 from taxel.labels.trials import Trial, coarsest_group, lone_group
-from taxel.plain_text import number_of, several
+from taxel.plain_text import noun_of, number_of, several
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
 
@@ -287,8 +287,8 @@ def _verdict(paired: Paired, first: str, second: str) -> str:
         sentences.append("The two runs are right and wrong on the very same windows.")
     elif n < 2:
         sentences.append(
-            f"No difference can be claimed: all windows are of one {paired.group}, which says "
-            "nothing of another."
+            f"No difference can be claimed: all windows are of one {noun_of(paired.group)}, which "
+            "says nothing of another."
         )
     elif paired.p_groups < LEVEL:
         better = second if points > 0 else first
@@ -311,16 +311,16 @@ def _verdict(paired: Paired, first: str, second: str) -> str:
     if paired.p_groups >= LEVEL and paired.p_windows < LEVEL:
         sentences.append(
             f"The test over windows alone says p {_p(paired.p_windows)}, but windows of one "
-            f"{paired.group} are alike: it promises too much."
+            f"{noun_of(paired.group)} are alike: it promises too much."
         )
     if paired.group != paired.coarsest:
         sentences.append(
-            f"{several(paired.group.capitalize())} of one {paired.coarsest} are alike too: it "
-            "promises much."
+            f"{several(noun_of(paired.group).capitalize())} of one {noun_of(paired.coarsest)} are "
+            "alike too: it promises much."
         )
     if paired.lone not in (None, paired.group):
         sentences.append(
-            f"Only one {paired.lone} was tested: this says nothing about other "
+            f"Only one {noun_of(paired.lone)} was tested: this says nothing about other "
             f"{several(paired.lone)}."
         )
     if "leaks" in paired.split:

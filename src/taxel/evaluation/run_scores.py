@@ -20,7 +20,7 @@ from taxel.decisions.recognition import RecogniseConfig
 from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, near_chance, score
 from taxel.evaluation.paired import LEVEL, coarsest_of, smallest_p, tested_of
 from taxel.labels.trials import lone_group
-from taxel.plain_text import number_of, several
+from taxel.plain_text import noun_of, number_of, several
 from taxel.training.predictions import Predictions
 
 BINS = 10
@@ -322,7 +322,10 @@ def only_one(lone: str | None, group: str) -> str | None:
     """
     if lone is None or lone == group:
         return None
-    return f"only one {lone} was tested: the interval says nothing about other {several(lone)}"
+    return (
+        f"only one {noun_of(lone)} was tested: the interval says nothing about other "
+        f"{several(lone)}"
+    )
 
 
 def split_groups(predictions: Predictions) -> list[str]:

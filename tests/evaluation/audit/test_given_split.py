@@ -1,9 +1,11 @@
-"""The column `split` of camera trials is audited as `taxel evaluate-trials` takes it."""
+"""A split that is given: the column `split` of camera trials, audited as `taxel evaluate-trials`
+takes it, and one that trains on few trials."""
 
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from taxel.cli.recordings.audit import Audit
@@ -11,7 +13,7 @@ from taxel.errors import BadSplit
 from taxel.evaluation.audit.audit import make_case
 from taxel.evaluation.audit.both_sides import shared_names
 from taxel.evaluation.audit.finding import Finding
-from taxel.evaluation.audit.nuisances import read_place
+from taxel.evaluation.audit.nuisances import read_length, read_place
 from taxel.evaluation.audit.sides import are_given, given_sides, table_sides
 from taxel.evaluation.audit.touch_set import TouchSet
 
@@ -76,3 +78,26 @@ def test_a_table_may_name_a_few_sessions_and_have_trials_on_both_sides(
 
     assert read_place(case).finding(1.0).verdict in ("clear", "too few")
     assert {f.kind: f.verdict for f in shared_names(case)}["same session"] == "leak"
+
+
+def test_what_a_split_trains_on_too_little_to_show_is_not_called_clean(
+    make_set: Make, tmp_path: Path
+) -> None:
+    """Length gives the class away over all trials; two trials to learn from cannot show it."""
+    touch = make_set["array"](trials=90)
+    rows = tuple(own[: 40 - 6 * c] for own, c in zip(touch.rows, touch.y, strict=True))
+    times = tuple(own[: len(r)] for own, r in zip(touch.time_s, rows, strict=True))
+    touch = replace(touch, rows=rows, time_s=times)
+    found = {}
+    for count in (1, 20):
+        learned = {int(i) for c in range(3) for i in np.flatnonzero(touch.y == c)[:count]}
+        lines = (f"{t.recording},{'train' if i in learned else 'test'}\n"
+                 for i, t in enumerate(touch.trials))  # fmt: skip
+        (tmp_path / "folds.csv").write_text("recording,side\n" + "".join(lines))
+        case = make_case(touch, table_sides(touch, tmp_path / "folds.csv", 10), 10, 0)
+        reading = read_length(case)
+        found[count] = reading.finding(reading.evidence.p)
+
+    assert (found[1].verdict, found[20].verdict) == ("too few", "leak")
+    assert "without the split it predicts the label (1.000, majority 0.333)" in found[1].message
+    assert found[1].mend == "audit without the split, and mend what is found there"

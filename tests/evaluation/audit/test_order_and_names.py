@@ -15,6 +15,7 @@ from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.names import near, near_names
 from taxel.evaluation.audit.nuisances import read_first, read_length, read_level
 from taxel.evaluation.audit.order_effect import measure_order
+from taxel.evaluation.audit.origins import read_origins
 from taxel.evaluation.audit.sides import named_sides, table_sides
 from taxel.evaluation.audit.touch_set import TouchSet, group_values
 
@@ -159,6 +160,39 @@ def test_where_numbers_differ_by_class_later_trials_of_each_are_advised(make_set
     assert "order:" not in used["order effect"].mend
 
 
+def test_what_the_split_given_tests_is_not_advised(make_set: Make) -> None:
+    """Classes in blocks of an order: later trials of each class are what it tests."""
+    touch = numbered(make_set["array"](trials=120))
+    touch = touch.only(np.argsort(touch.y, kind="stable"))
+    touch = numbered(touch)
+
+    def order(split: str | None) -> Finding:
+        case = make_case(touch, named_sides(touch, split, 10, 5, 0) if split else None, 10, 0)
+        reading = next(own for own in read_origins(case) if own.kind == "order")
+        return reading.finding(reading.evidence.p)
+
+    assert order(None).mend.endswith("in mixed order, and test on what was recorded later")
+    assert order("group:trial").mend.endswith("and test on what was recorded later")
+    used = order("order:trial_number:70%:by-class")
+    assert (used.verdict, used.mend) == ("leak", "record classes in mixed order")
+
+
+def test_a_later_session_that_is_tested_is_what_was_recorded_later(make_set: Make) -> None:
+    """Also where no class and session has trials on both sides."""
+    touch = with_drift(make_set["array"](trials=120))
+    order = np.argsort([int(t.groups["session"][1:]) for t in touch.trials], kind="stable")
+    touch = touch.only(order)
+    touch = replace(touch, trials=tuple(
+        replace(t, groups={**t.groups, "trial_number": str(i)})
+        for i, t in enumerate(touch.trials)))  # fmt: skip
+    case = make_case(touch, named_sides(touch, "order:trial_number:71", 10, 5, 0), 10, 0)
+    found = measure_order(case)
+    assert not isinstance(found, Finding)
+    drift = found[1]
+    assert isinstance(drift, Reading)
+    assert drift.decide(True)[2].startswith("keep this split, which tests what was recorded later")
+
+
 def sorted_by_person(touch: TouchSet) -> TouchSet:
     """Return trials of one file, class by class and in each person by person, who differ."""
     rng, persons = np.random.default_rng(1), rng_levels()
@@ -275,6 +309,8 @@ def test_what_taring_leaves_is_said(make_set: Make) -> None:
 
         assert found.verdict == "leak"
         assert least <= still <= most
+        assert found.mend.startswith("take each trial's first row from it (tare)") == (not slope)
+        assert ("does not remove this" in found.mend) == bool(slope)
 
 
 @pytest.mark.parametrize(("spoilt", "named"), [((2,), True), ((0, 1, 2, 3, 4, 5), False)])

@@ -63,7 +63,7 @@ class Import:
     from:labels.csv:object for another file; from:objects[y] where y numbers the classes that
     objects names; or from its name: star:1 is the text that the first * in trials matches. Time may
     be from:t[ms]. In a text with many trials, trials names the column that numbers them, or is
-    restarts where the times begin anew in each trial.
+    restarts where the times begin anew in each trial, or empty rows where such rows part trials.
 
     For tactile cameras, the table's columns are left and right, or camera:NAME for each camera
     (videos, or folders of images, relative to the table); label:NAME; group:NAME; and

@@ -18,6 +18,8 @@ from taxel.cli.printing import console, print_json, progress, say
 from taxel.cli.recordings.info_table import describe_table, is_trial_table, refuse_other_table
 from taxel.labels.class_order import in_order
 from taxel.plain_text import number_of, visible, visible_names
+from taxel.recordings.imports.own_groups import CUT_FROM
+from taxel.recordings.imports.spelling import by_numbers
 from taxel.recordings.reader import list_recordings
 from taxel.recordings.summary import recorded_s, summarise
 from taxel.recordings.tally import camera_line
@@ -91,16 +93,17 @@ def _print_bundle(path: Path, kind: BundleKind, as_json: bool) -> None:
 
 
 def _print_recording(row: dict[str, Any], *, everything: bool) -> None:
-    rate = row["rate_hz"]
+    rate, nominal = row["rate_hz"], row["sensor"]["rate_hz"]
     lines = {
         "recording": f"{row['path']}, {row['bytes'] / 1e6:.2f} MB, all checksums valid",
         "sensor": f"{visible(row['sensor']['name'])} {visible(row['sensor']['serial'])}".strip(),
         "written by": f"{row['software']} {row['created']}".strip(),
         "labels": _pairs(row["labels"]),
         "groups": _pairs(row["groups"]),
-        "scans": f"{row['scans']} in {row['duration_s']:.3f} s",
-        "rate": f"{'unknown' if rate is None else f'{rate:.2f}'} scans/s measured, "
-        f"{row['sensor']['rate_hz']:g} nominal",
+        "scans": f"{row['scans']}" + (f" in {row['duration_s']:.3f} s" if row["scans"] > 1 else ""),
+        "rate": f"{rate:.2f} scans/s measured, {nominal:g} nominal"
+        if rate is not None
+        else f"not measured, {nominal:g} scans/s nominal",
         "lost": f"{number_of(row['lost_scans'], 'scan')} at "
         f"{number_of(row['counter_gaps'], 'place')}",
         "marks": f"{row['marks']}"
@@ -173,7 +176,8 @@ def _print_totals(path: Path, rows: list[dict[str, Any]]) -> None:
     seconds = sum(map(recorded_s, rows))
     frames = sum(map(_frames, rows))
     parts = [number_of(scans, "scan")] + [number_of(frames, "frame")] * (frames > 0)
-    held = ", ".join([*parts, f"{seconds:.1f} s"])
+    parts += [f"{seconds:.1f} s"] * (seconds > 0)  # none where each recording holds one scan
+    held = ", ".join(parts)
     say(f"{path}: {number_of(len(rows), 'recording')}, {held}, all checksums valid")
     for name in sorted({name for row in rows for name in row["labels"]}):
         count: Counter[str] = Counter()
@@ -191,7 +195,7 @@ def _print_totals(path: Path, rows: list[dict[str, Any]]) -> None:
         )
     for name in sorted({name for row in rows for name in (*row["groups"], *row["marks_by_group"])}):
         values = [value for row in rows for value in _values(row, name)]
-        say(f"group {visible(name)}: {_span(values)}")
+        say(f"group {visible(name)}: {_span(values, shared=name != CUT_FROM)}")
 
 
 def _trials_by_label(row: dict[str, Any], name: str) -> Counter[str]:
@@ -215,21 +219,25 @@ def _values(row: dict[str, Any], group: str) -> list[str]:
     return marked or [row["groups"].get(group, "–")]
 
 
-def _span(values: list[str]) -> str:
+def _span(values: list[str], *, shared: bool = True) -> str:
     """Return what a group holds: its one value, figures from least to most, or names: all that
     recordings share, else some.
+
+    Args:
+        values: Of each recording, or of each of its trials.
+        shared: Whether recordings may share them; each recording has its own otherwise.
     """
-    names = sorted(set(values))
+    names = sorted(set(values), key=by_numbers)
     if len(names) == 1:
         return visible(names[0])
     try:
         names.sort(key=float)
     except ValueError:
-        few = 2 * len(names) <= len(values) and len(names) <= _RECORDINGS
+        few = shared and 2 * len(names) <= len(values) and len(names) <= _RECORDINGS
         shown = names if few else names[:_NAMES]
         more = f" and {len(names) - len(shown)} more" if len(names) > len(shown) else ""
         return visible_names(shown) + more
-    return f"{visible(names[0])} to {visible(names[-1])}"
+    return (", " if len(names) == 2 else " to ").join(map(visible, (names[0], names[-1])))
 
 
 def _frames(row: dict[str, Any]) -> int:

@@ -63,6 +63,8 @@ class Reading:
     """What cheap trees still reach once this is tared or cropped away, and a sentence on it."""
     same: bool = False
     """Whether it is the same in all trials, so that more trials would not make it evidence."""
+    over_all: Callable[[], LabelEvidence | None] = lambda: None
+    """How well it predicts the label without the split, where that trains on few trials."""
 
     def finding(self, p: float, tests: int = 1) -> Finding:
         """Return the finding, given p after correction for so many tests."""
@@ -79,6 +81,12 @@ class Reading:
             else:
                 message = f"{message.rstrip('.')} as far as so few trials show: even a leak that " \
                           "goes half of the way to certainty could be chance."  # fmt: skip
+        elif verdict == "clear" and (whole := self.over_all()) and whole.counts(tests * whole.p):
+            verdict = "too few"
+            message = f"Learned from the few trials that this split trains on, it reaches " \
+                      f"{self.evidence.accuracy:.3f} alone; without the split it predicts the " \
+                      f"label ({whole.accuracy:.3f}, majority {whole.majority:.3f})."  # fmt: skip
+            mend = "audit without the split, and mend what is found there"
         return Finding(
             kind=self.kind, verdict=verdict, message=message, mend=mend,
             alone=self.evidence.accuracy, majority=self.evidence.majority, auc=self.evidence.auc,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.evaluation.audit.case import Case, Reading, rows_folds
-from taxel.evaluation.audit.evidence import LabelEvidence, evidence_of, predict
+from taxel.evaluation.audit.evidence import LabelEvidence, evidence_of, predict, trial_folds
 from taxel.evaluation.audit.finding import UNSURE, Verdict
 from taxel.evaluation.audit.touch_set import TouchSet, cut_pieces
 from taxel.plain_text import visible
@@ -30,6 +30,9 @@ predicts much as well, only less by `AHEAD`. Our choice, decision 23."""
 _TENTH = 10
 _DIGITS = 3
 """Of what is left without the level, in deviations: beyond, rounding gives the level away."""
+ENOUGH = 0.5
+"""Share of the trials that an audit without a split trains on, from which a split shows what such
+an audit shows. Our choice, decision 23."""
 MOSTLY = 0.8
 """Share of the way from majority to 1 that a level must go to be suspected; what is left without
 it must go half of that at most. Our choice, decision 23."""
@@ -58,7 +61,8 @@ def read_length(case: Case) -> Reading:
         )
 
     return Reading(kind="length", evidence=found, decide=decide, examples=tuple(middle),
-                   mended=lambda: cropped(case), same=_same(features))  # fmt: skip
+                   mended=lambda: cropped(case), same=_same(features),
+                   over_all=lambda: over_all(case, features))  # fmt: skip
 
 
 def _same(features: NDArray[np.floating]) -> bool:
@@ -111,8 +115,11 @@ def read_first(case: Case) -> Reading:
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
             return "clear", f"A trial's first {what} does not predict the label.", ""
-        mend = f"take each trial's first {what} from it (tare), hold out sessions, and print a " \
-               f"control that sees the first {what} only"  # fmt: skip
+        start = f"take each trial's first {what} from it (tare), hold out sessions" \
+            if taring_helps(case) else \
+            f"hold out sessions, since taking each trial's first {what} from it (tare) does not " \
+            "remove this"  # fmt: skip
+        mend = f"{start}, and print a control that sees the first {what} only"
         if first_evidence.accuracy >= middle.accuracy + AHEAD:
             return (
                 "leak",
@@ -148,7 +155,9 @@ def read_first(case: Case) -> Reading:
             f"print a control that sees the first {what} only",
         )
 
-    return Reading(kind=UNSURE, evidence=first_evidence, decide=decide, mended=lambda: tared(case))
+    return Reading(kind=UNSURE, evidence=first_evidence, decide=decide, mended=lambda: tared(case),
+                   over_all=lambda: over_all(case, np.stack([rows[0] for rows in touch.rows])),
+                   )  # fmt: skip
 
 
 def read_level(case: Case) -> Reading:
@@ -181,8 +190,8 @@ def read_level(case: Case) -> Reading:
                 "leak",
                 f"The {what} alone {verb} the label, and what changes in a trial less well "
                 f"({without.accuracy:.3f}): the label sits in an offset.",
-                "take each trial's level at rest from it, hold out sessions, and print a control "
-                f"that sees the {what} only",
+                f"{_without_level(case)}hold out sessions, and print a control that sees the "
+                f"{what} only",
             )
         return (
             "note",
@@ -191,7 +200,8 @@ def read_level(case: Case) -> Reading:
             f"print a control that sees the {what} only",
         )
 
-    return Reading(kind="level", evidence=level, decide=decide, mended=lambda: tared(case))
+    return Reading(kind="level", evidence=level, decide=decide, mended=lambda: tared(case),
+                   over_all=lambda: over_all(case, np.stack(means)))  # fmt: skip
 
 
 def _lone_channel(case: Case, means: NDArray[np.float64], way: float) -> tuple[str, str] | None:
@@ -218,8 +228,7 @@ def _lone_channel(case: Case, means: NDArray[np.float64], way: float) -> tuple[s
         f"the means of all other channels less well ({others.accuracy:.3f}): a counter, a label, "
         "or an offset.",
         f"leave {name} out if it does not measure touch (name the others in the table's column "
-        "'channels' and import again); else take each trial's level at rest from it and hold out "
-        "sessions",
+        f"'channels' and import again); else {_without_level(case)}hold out sessions",
     )
 
 
@@ -233,6 +242,20 @@ def trial_evidence(case: Case, features: NDArray[np.floating]) -> LabelEvidence:
     y = case.touch.y
     found = predict(features, y, case.folds, case.seed)
     return evidence_of(found, y, np.arange(len(y)), case.groups, case.folds)
+
+
+def over_all(case: Case, features: NDArray[np.floating]) -> LabelEvidence | None:
+    """Return how well features predict the label as without a split, where the split given trains
+    on so few trials that it may not find out; None else.
+    """
+    if not case.whole:
+        return None
+    y, groups = case.touch.y, case.groups
+    folds = trial_folds(y, groups, case.seed)
+    learned = [float(np.mean([len(train) for train, _ in own])) for own in (case.folds, folds)]
+    if learned[0] >= ENOUGH * learned[1]:
+        return None
+    return evidence_of(predict(features, y, folds, case.seed), y, np.arange(len(y)), groups, folds)
 
 
 def _first_evidence(case: Case) -> LabelEvidence:
@@ -279,6 +302,25 @@ def _tared_evidence(case: Case) -> tuple[LabelEvidence, LabelEvidence]:
         case.known["early"] = trial_evidence(case, early)
         case.known["tared"] = trial_evidence(case, whole)
     return case.known["tared"], case.known["early"]
+
+
+def taring_helps(case: Case) -> bool:
+    """Return whether a first row that gives the label away no longer does once it is taken from the
+    trial; True where it gives nothing away.
+
+    Where trials move away from their first row, and the row after a tenth of each predicts the
+    label all the same, what gives it away goes on.
+    """
+    first = _first_evidence(case)
+    if not first.counts(first.p) or not leaves_its_start(case.touch):
+        return True
+    _, early = _tared_evidence(case)
+    return not early.counts(early.p)
+
+
+def _without_level(case: Case) -> str:
+    """Return the beginning of an advice on levels: to take them away, where that helps."""
+    return "take each trial's level at rest from it, " if taring_helps(case) else ""
 
 
 def tared(case: Case) -> tuple[float, str]:

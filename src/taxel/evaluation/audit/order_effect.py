@@ -21,8 +21,8 @@ from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.evidence import Array, Fold, evidence_of, gap_p, predict, trial_folds
 from taxel.evaluation.audit.finding import Finding, Verdict
 from taxel.evaluation.audit.gaps import Gap
-from taxel.evaluation.audit.nuisances import sum_up
-from taxel.evaluation.audit.trial_order import Order, later_split, order_of
+from taxel.evaluation.audit.nuisances import sum_up, taring_helps
+from taxel.evaluation.audit.trial_order import Order, later_split, order_of, tests_later
 from taxel.labels.trials import SESSIONS
 
 LEAST_CELL, LEAST_LATE = 4, 8
@@ -148,7 +148,9 @@ def _drift(case: Case, values: NDArray[np.float32], found: _Halved, side: _Teste
         if order.is_time:
             message = f"Later trials of a class differ from earlier ones (by {order.how}): " \
                       "something drifts while they are recorded."  # fmt: skip
-            mends = [*_mends(case, order, side), "tare if it is a level that drifts"]
+            mends = _mends(case, order, side)
+            if min(map(len, case.touch.rows)) > 1 and taring_helps(case):
+                mends.append("tare if it is a level that drifts")
         else:
             message = f"Trials of a class differ from those before them (by {order.how}). That " \
                       "need not be an order of time: what the file is sorted by may change, such " \
@@ -165,7 +167,9 @@ def _mends(case: Case, order: Order, side: _Tested) -> list[str]:
         return ["find out what the file is sorted by, and hold that out as a group; if its trials "
                 "stand in the order of recording, number them in a group such as "
                 "group:trial_number"]  # fmt: skip
-    if side == "later":
+    if side == "later" or (
+        case.sides is not None and tests_later(case.sides, case.pieces, case.touch.y, order.places)
+    ):
         return ["keep this split, which tests what was recorded later"]
     option = later_split(case.touch, order)
     these = ", with these numbers as a group KEY" if "KEY" in option else ""

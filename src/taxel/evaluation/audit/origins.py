@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.evidence import LabelEvidence, evidence_of, look_up, predict
 from taxel.evaluation.audit.finding import Verdict
-from taxel.evaluation.audit.trial_order import NUMBERS, recorded_order
+from taxel.evaluation.audit.trial_order import NUMBERS, recorded_order, tests_later
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import OBJECTS, SESSIONS, Trial
 from taxel.plain_text import several
@@ -183,6 +183,8 @@ def _read_order(case: Case, order: NDArray[np.float64]) -> Reading:
     predicted = predict(order[:, None], y, case.plain, case.seed)
     found: LabelEvidence = evidence_of(predicted, y, np.arange(len(y)), None, case.plain)
 
+    later = case.sides is not None and tests_later(case.sides, case.pieces, y, order)
+
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
             return "clear", "The order of recording does not predict the label.", ""
@@ -190,7 +192,8 @@ def _read_order(case: Case, order: NDArray[np.float64]) -> Reading:
             "leak" if case.sides is not None else "hazard",
             "Classes were recorded in blocks or in one order: when a trial was recorded predicts "
             "its label, and so does anything that drifts.",
-            "record classes in mixed order, and test on what was recorded later",
-        )
+            "record classes in mixed order" + ("" if later else ", and test on what was recorded "
+                                               "later"),
+        )  # fmt: skip
 
     return Reading(kind="order", evidence=found, decide=decide)

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.evaluation.audit.touch_set import TouchSet
+from taxel.evaluation.audit.sides import Sides
+from taxel.evaluation.audit.touch_set import Pieces, TouchSet
 from taxel.evaluation.first_share import BY_CLASS, first_share
 from taxel.labels.trials import TIME, as_numbers
 
@@ -81,6 +82,27 @@ def recorded_order(touch: TouchSet) -> Order | None:
     if several:
         return Order(places=np.array([trial.start_s for trial in touch.trials]), how=how)
     return None
+
+
+def tests_later(
+    sides: Sides, pieces: Pieces, y: NDArray[np.intp], places: NDArray[np.float64]
+) -> bool:
+    """Return whether a split tests, of each class, only what comes after all that it trains on.
+
+    Args:
+        sides: The split.
+        pieces: What it moves.
+        y: Each trial's class, shape (trials,).
+        places: Each trial's place in an order, shape (trials,).
+    """
+    compared = False
+    for train, test in sides.folds:
+        learned, tested = (np.unique(pieces.trial[own]) for own in (train, test))
+        for c in set(y[learned].tolist()) & set(y[tested].tolist()):
+            if places[learned[y[learned] == c]].max() >= places[tested[y[tested] == c]].min():
+                return False
+            compared = True
+    return compared
 
 
 def later_split(touch: TouchSet, order: Order) -> str:

@@ -322,7 +322,7 @@ def _import_file(job: _Job, content: Content, path: Path) -> FileFacts:
     return FileFacts(
         file=f"{row.file.name}[{row.details['trial']}]" if row.trial else row.file.name,
         of_line=(*row.remarks, *remarks_on_rows(row.by_row)),
-        remarks=tuple(source.remarks) if source else (),
+        remarks=tuple(source.remarks) if source else table.remarks,
         doubts=(*row.doubts, *(source.doubts if source else ()), *_doubtful(row, table)),
         coarse=coarse_of(table.values, table.names),
         lying=lying_of(*table.values.shape) if _by_star(row) and _may_lie(row, table) else "",

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from taxel.errors import BadTable
 from taxel.plain_text import number_of
 from taxel.recordings.imports.notes import LYING
+from taxel.recordings.imports.value_tables.places import as_number
 from taxel.recordings.imports.value_tables.row_times import BadTimes, check_time
 from taxel.recordings.imports.value_tables.table_columns import (
     LARGEST_TABLE,
     MOST_VALUES,
-    as_number,
     mend_number,
     table_lines,
 )
@@ -189,7 +189,7 @@ def _read(path: Path) -> _Lines:
             )  # fmt: skip
         firsts.append(cells[0].strip())
         rows.append(np.empty(len(cells)))
-        rows[-1][1:] = _numbers(path, sign.with_points(cells[1:], number), number, 2)
+        rows[-1][1:] = numbers_in_line(path, sign.with_points(cells[1:], number), number, 2)
     return _as_channels(path, firsts, rows, first_line, sign)
 
 
@@ -227,7 +227,7 @@ def _as_channels(
         raise BadTable("scans in each line", f"none in {path}, line {first_line}", "mend the file")
     if not named:
         for number, (first, row) in enumerate(zip(firsts, rows, strict=True), start=first_line):
-            row[:1] = _numbers(path, sign.with_points([first], number), number, 1)
+            row[:1] = numbers_in_line(path, sign.with_points([first], number), number, 1)
         counting = _counting(rows[0], start=0) or ("" if firsts[0] else counting)
     names = firsts if named else [str(number) for number in range(1, len(rows) + 1)]
     ids = "" if named or len(rows) < 2 else _counting(np.array([row[0] for row in rows]), start=0)
@@ -263,7 +263,20 @@ def _is_index(firsts: Sequence[str]) -> bool:
     return not any(is_missing(first) or is_number(first.replace(",", ".")) for first in firsts)
 
 
-def _numbers(path: Path, cells: list[str], line: int, first_cell: int) -> NDArray[np.float64]:
+def numbers_in_line(
+    path: Path, cells: list[str], line: int, first_cell: int
+) -> NDArray[np.float64]:
+    """Return a line's numbers, shape (cells,); a cell without a value is NaN.
+
+    Args:
+        path: For messages.
+        cells: Some of the line's, with decimal points.
+        line: The line's number.
+        first_cell: Number of the first of them.
+
+    Raises:
+        BadTable: A cell is something else.
+    """
     numbers = np.empty(len(cells))
     for place, cell in enumerate(cells):
         if is_missing(cell):

@@ -19,7 +19,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from taxel.errors import BadTable
-from taxel.recordings.imports.own_groups import refuse_own_groups
+from taxel.recordings.imports.own_groups import not_own_group, refuse_own_groups
 from taxel.recordings.imports.spelling import column_name, composed
 
 ANY = "*"
@@ -165,7 +165,8 @@ def _no_part(token: str, where: str) -> BadTable:
     own = token.strip("{}").strip()[:40]
     number = own.casefold().endswith(f":{DIGITS}")
     own = own[: -len(DIGITS) - 1] if number else own
-    named = (own if own and ":" not in own else "object") + (f":{DIGITS}" if number else "")
+    own = not_own_group(own.rpartition(":")[2].strip() or "object")
+    named = own + (f":{DIGITS}" if number else "")
     return BadTable(
         "a file that is there, or a pattern whose parts are {label:NAME}, {group:NAME}, {digits}, "
         "* and ?",

@@ -80,7 +80,7 @@ class FileFacts:
     of_line: tuple[str, ...] = ()
     """How its line of the table was read, the same for all of the line's files."""
     remarks: tuple[str, ...] = ()
-    """How a file of many trials was read, the same for all of its trials."""
+    """How a file of many trials, or of scans of several lines, was read."""
     doubts: tuple[str, ...] = ()
     """What may have been meant in another way, the same for all of its trials."""
     coarse: str = ""

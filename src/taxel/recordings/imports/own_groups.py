@@ -34,5 +34,10 @@ def refuse_own_groups(columns: Iterable[str], where: str) -> None:
             raise BadTable(
                 f"groups but {' and '.join(own)}, which taxel fills in itself",
                 f"{column!r} in {where}",
-                f"call it group:{name}_number, or leave it out",
+                f"call it group:{not_own_group(name)}, or leave it out",
             )
+
+
+def not_own_group(name: str) -> str:
+    """Return what a group may be called: its name, with a word behind one that taxel fills in."""
+    return f"{name}_number" if name in (*OWN_GROUPS, CUT_FROM, PIECE) else name

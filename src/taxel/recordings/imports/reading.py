@@ -22,6 +22,7 @@ from taxel.recordings.imports.lying_texts import HINT, may_lie, read_lying
 from taxel.recordings.imports.pieces import cut
 from taxel.recordings.imports.row_labels import marks_by_row
 from taxel.recordings.imports.rows import ImportRow
+from taxel.recordings.imports.scan_blocks import lines_in_scan, read_blocks
 from taxel.recordings.imports.trial_runs import TextTrials
 from taxel.recordings.imports.trial_sets import Padding
 from taxel.recordings.imports.value_tables import tables
@@ -139,6 +140,8 @@ def _text_or_array(
     says how to say so.
     """
     but = row.by_row.values()
+    if not but and (lines := lines_in_scan(row.file, columns, time)):
+        return read_blocks(row.file, columns, time, missing, lines)
     try:
         return tables.read_table(row.file, columns, time, missing, bad_times=bad_times, but=but)
     except BadTable as error:

@@ -157,7 +157,7 @@ class LineTrials:
 
     def _read(self, missing: Missing) -> Table:
         """Return all lines, with the names and units of the channels of one scan."""
-        found = read_table(self._path, self._wanted(), self._time, missing, in_trials=True,
+        found = read_table(self._path, self._wanted(), self._time, missing, trials="many",
                            but=header_names(self._names, self.names))  # fmt: skip
         scans, count = self._axes.scans, len(found.names)
         if scans == 1:

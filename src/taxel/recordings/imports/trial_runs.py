@@ -21,18 +21,22 @@ from taxel.recordings.imports.trial_sets import AND, MOST_TRIALS, Padding
 from taxel.recordings.imports.value_tables.restarts import RESTARTS, begins_anew
 from taxel.recordings.imports.value_tables.row_times import BadTimes, check_time
 from taxel.recordings.imports.value_tables.stray_times import strays_of
-from taxel.recordings.imports.value_tables.table_columns import text_cells, text_names
+from taxel.recordings.imports.value_tables.table_columns import parted_cells, text_cells, text_names
 from taxel.recordings.imports.value_tables.table_form import header_names, is_number
 from taxel.recordings.imports.value_tables.tables import (
     ALL,
     Missing,
     Table,
+    check_values,
     names_of,
     parse_columns,
     parse_time,
     read_table,
 )
 from taxel.recordings.imports.value_tables.time_stamps import stamp_s
+
+EMPTY_ROWS = "empty rows"
+"""In the column `trials`: rows without anything in their cells, or blank lines, part trials."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +56,9 @@ class TextTrials:
         path: The text.
         named: The table's cells. `trials`: the column that says which trial a row belongs to, or
             several: subject+trial; where no column is called so, restarts stands for where time
-            begins anew. `channels` and `time`. `file`, for remarks: two files of one name, in two
-            folders, are two.
+            begins anew, and empty rows for where such rows, or blank lines, part trials.
+            `channels` and `time`. `file`, for remarks: two files of one name, in two folders, are
+            two.
         names: Columns that `from:` cells name, whose value is the same in all rows of a trial.
         where: Table and line, for messages.
         by_row: Columns whose value may be another in each row.
@@ -76,17 +81,20 @@ class TextTrials:
         timed = [self._time.column.name] if self._time.column is not None else []
         columns = parse_columns(named.get("channels", ""), where)
         parts = [name.strip() for name in trials.split(AND)]
-        others = {*names_of(columns, self._time), *parts} - {RESTARTS}
+        others = {*names_of(columns, self._time), *parts} - {RESTARTS, EMPTY_ROWS}
         header = text_names(path, [*names, *by_row, *timed], others)
         self.names = header
         keys = [trials] if trials in header else parts
+        self._parted = keys == [EMPTY_ROWS] and EMPTY_ROWS not in header
         self._names = list(names)
         anew = RESTARTS in keys and RESTARTS not in header
         asked = [self._time_name(where) if anew and name == RESTARTS else name for name in keys]
+        asked = [] if self._parted else asked
         self._all = [column.name for column in columns] == [ALL]
         self._described = header_names([*asked, *names, *by_row], header)
         self._columns = columns
-        first_line, rows = text_cells(path, [*asked, *names, *by_row], others)
+        cells_of_rows = parted_cells if self._parted else text_cells
+        first_line, rows = cells_of_rows(path, [*asked, *names, *by_row], others)
         self._strays: list[range] | None = [] if anew else None
         if self._strays is not None:
             rows = _numbered(path, rows, keys, first_line, self._strays)
@@ -99,7 +107,13 @@ class TextTrials:
         count = len(self._runs)
         self.remarks = [
             f"{self._called} was read as {count} {'trial' if count == 1 else 'trials'} by "
-            + (self._where_anew(keys) if anew else f"its column {visible(trials)}")
+            + (
+                "its empty rows"
+                if self._parted
+                else self._where_anew(keys)
+                if anew
+                else f"its column {visible(trials)}"
+            )
         ]
         self.doubts: list[str] = []
         self._whole: Table | None = None
@@ -151,10 +165,14 @@ class TextTrials:
         """
         if self._whole is None:
             self._whole = read_table(self._path, self._columns, self._time, missing,
-                                     in_trials=True, but=self._described)  # fmt: skip
+                                     trials="parted" if self._parted else "many",
+                                     but=self._described)  # fmt: skip
             if self._all and (steady := self._steady(self._whole)):
                 self.doubts.append(steady)
         run, whole = self._runs[index], self._whole
+        if self._parted:
+            check_values(self._path, whole.values[run.start : run.stop], whole.names, missing,
+                         self._first_line + run.start)  # fmt: skip
         table = Table(
             values=whole.values[run.start : run.stop], time_s=whole.time_s[run.start : run.stop],
             names=whole.names, units=whole.units, decimal_comma=whole.decimal_comma,
@@ -177,7 +195,8 @@ class TextTrials:
     def _steady(self, whole: Table) -> str:
         """Return a remark on columns that * took for channels, but that may describe the trial."""
         values = whole.values
-        odd = (values != values[0]).any(axis=0)  # a dead channel is the same everywhere
+        # A dead channel is the same everywhere, but for the empty rows between trials.
+        odd = ((values != values[0]) & ~np.isnan(values)).any(axis=0)
         for run in self._runs:
             odd &= (values[run.start : run.stop] == values[run.start]).all(axis=0)
         names = [visible(name) for name, is_odd in zip(whole.names, odd, strict=True) if is_odd]
@@ -275,7 +294,11 @@ def _runs(
     values: list[str] = []
     start, row = 0, -1
     for row, cells in enumerate(rows):
-        if tuple(cells[:keys]) != key:
+        if not cells:  # an empty row between trials
+            if key:
+                yield _Run(key, tuple(values), start, row)
+            key = ()
+        elif tuple(cells[:keys]) != key:
             if key:
                 yield _Run(key, tuple(values), start, row)
             key, values, start = tuple(cells[:keys]), cells[keys:], row

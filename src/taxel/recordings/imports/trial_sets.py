@@ -34,8 +34,14 @@ from taxel.foreign.held_arrays import (
 )
 from taxel.foreign.sheets import file_behind
 from taxel.plain_text import visible
+from taxel.recordings.imports.value_tables.places import some_names
 from taxel.recordings.imports.value_tables.row_times import BadTimes
-from taxel.recordings.imports.value_tables.table_columns import read_cells
+from taxel.recordings.imports.value_tables.table_columns import (
+    LARGEST_LIST,
+    list_separator,
+    read_cells,
+    table_lines,
+)
 from taxel.recordings.imports.value_tables.table_form import TEXT_ENDINGS, is_number
 from taxel.recordings.imports.value_tables.tables import Missing, Table
 
@@ -257,6 +263,8 @@ def name_above(path: Path, name: str, found: int) -> str | None:
 def _column_of(path: Path, name: str) -> list[str]:
     header, *lines = read_cells(path) or [[]]
     names = [cell.strip() for cell in header]
+    if not name and len(names) > 1:
+        raise _split_header(path, names)
     if names.count(name) != 1 and (name or len(names) != 1):
         raise BadTable(
             f"one column {name!r} in {path}", ", ".join(map(visible, names[:12])), "correct it"
@@ -273,6 +281,18 @@ def _column_of(path: Path, name: str) -> list[str]:
                 "fill it in",
             )  # fmt: skip
     return [cells[place].strip() for cells in lines]
+
+
+def _split_header(path: Path, names: Sequence[str]) -> BadTable:
+    """Return the error of a list of values whose line 1 has several cells."""
+    signs = {",": "commas", ";": "semicolons", "\t": "tabs"}
+    sign = signs[list_separator(path, table_lines(path, LARGEST_LIST))]
+    return BadTable(
+        f"one column in {path}, or the name of one behind the file's",
+        f"{len(names)}, for its line 1 was split at its {sign}: {some_names(names)}",
+        f"name the column, as in {FROM}{path.name}:NAME; or, if line 1 is one name, write it in "
+        "double quotes",
+    )  # fmt: skip
 
 
 def label_texts(held: Held, what: str) -> tuple[list[str], bool]:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from taxel.evaluation.paired import Paired
 from taxel.evaluation.run_scores import RunScores, beside_baselines, only_one
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, TASKS
-from taxel.plain_text import number_of, several
+from taxel.plain_text import noun_of, number_of, several
 from taxel.training.curves import Curve
 from taxel.training.run import Run
 from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart, matrix
@@ -193,8 +193,8 @@ def each_run(name: str, run: Run, scores: RunScores, ink: str) -> Html:
             tag("div", join(parts), "side"),
             figure(
                 dot_chart(few),
-                f"Accuracy in each {scores.group} (and its windows), each window predicted by a "
-                "model that did not train on it; folds: "
+                f"Accuracy in each {noun_of(scores.group)} (and its windows), each window "
+                "predicted by a model that did not train on it; folds: "
                 + ", ".join(percent(value) for value in scores.fold_accuracies)
                 + "."
                 + (

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from taxel.evaluation.teng.cleaning_gains import BASE, NOTHING, Gain
 from taxel.evaluation.teng.model_comparison import LITERATURE, ModelResult, TrivialResult
-from taxel.plain_text import number_of, visible
+from taxel.plain_text import noun_of, number_of, visible
 from taxel.views.tables.results import below, bracketed, few, result_table, with_interval
 
 
@@ -52,7 +52,7 @@ def model_tables(
         for name, accuracy in beside.accuracies.items():
             table.add_row(visible(name), f"{accuracy:.4f}", "", "", "", "", "", style="dim")
         parts += [table, *below(beside.accuracies)]
-    group = results[0].pooled.interval_group
+    group = noun_of(results[0].pooled.interval_group)
     return Group(
         *parts,
         Text(

@@ -17,7 +17,7 @@ from taxel.evaluation.bundle_scores import BundleScores
 from taxel.evaluation.part_scores import Parts, PartScore
 from taxel.evaluation.run_scores import few_groups, only_one
 from taxel.labels.trials import USUAL_GROUPS
-from taxel.plain_text import visible, visible_line
+from taxel.plain_text import noun_of, visible, visible_line
 from taxel.views.tables.results import alike_note, bracketed, result_table
 
 MOST_ROWS = 24
@@ -94,7 +94,7 @@ def _lines(found: BundleScores) -> list[str]:
     if not math.isnan(found.loss):
         lines.append(f"loss {found.loss:.4f} nats, expected calibration error "
                      f"{found.calibration_error:.4f}")  # fmt: skip
-    lines.append(f"interval: 95 %, whole groups resampled by {found.interval_group}")
+    lines.append(f"interval: 95 %, whole groups resampled by {noun_of(found.interval_group)}")
     few = few_groups(found.interval_group, found.interval_groups)
     lone = only_one(found.lone, found.interval_group)
     return [*lines, *(line for line in (few, lone) if line), *found.notes]

@@ -19,7 +19,7 @@ from taxel.evaluation.crossval import Pooled
 from taxel.evaluation.intervals import ALIKE, all_alike
 from taxel.evaluation.run_scores import few_groups, only_one
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, ROWS, Section
-from taxel.plain_text import number_of, short_names, visible, visible_line
+from taxel.plain_text import noun_of, number_of, short_names, visible, visible_line
 
 HEADINGS = {"cnn1d": "1D", "cnn2d": "2D", "minirocket": "MiniRocket"}
 """Short names: 1D is signal-based, 2D image-based."""
@@ -100,7 +100,8 @@ def checked_table(checked: Checked) -> RenderableType:
     for name, accuracy in checked.trivial.items():
         table.add_row(visible(name), f"{accuracy:.4f}", "", "", "", "", style="dim")
     folds = "folds: " + " ".join(f"{value:.4f}" for value in pooled.fold_accuracies)
-    interval = f"interval: 95 %, whole groups resampled by {visible(pooled.interval_group)}"
+    group = visible(noun_of(pooled.interval_group))
+    interval = f"interval: 95 %, whole groups resampled by {group}"
     return Group(
         about, table, *below(checked.trivial), Text(folds), Text(interval),
         *few(pooled, *checked.bars.values()),
@@ -132,7 +133,7 @@ def few(pooled: Pooled, *others: Pooled) -> list[Text]:
 
 def with_interval(pooled: Pooled) -> str:
     """Return an accuracy with its interval, as text."""
-    alone = f"one {visible(pooled.interval_group)}"
+    alone = f"one {visible(noun_of(pooled.interval_group))}"
     return bracketed(f"{pooled.scores.accuracy:.4f}", pooled.interval, ".3f", alone)
 
 
@@ -157,9 +158,8 @@ def alike_note(intervals: Iterable[tuple[float, float]], group: str) -> list[Tex
     """
     if not any(map(all_alike, intervals)):
         return []
-    return [
-        Text(f"{ALIKE}: no interval, as each {visible(group)} gave the same; others may differ")
-    ]
+    each = f"each {visible(noun_of(group))}"
+    return [Text(f"{ALIKE}: no interval, as {each} gave the same; others may differ")]
 
 
 def result_table(title: str | None, columns: Sequence[str]) -> Table:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from taxel.evaluation.fold_summary import FoldSummary, SplitSummary
 from taxel.evaluation.table_split import MOST_KNOWN
+from taxel.labels.trials import TIME, as_numbers
 from taxel.plain_text import number_of, visible, visible_names
 
 
@@ -28,7 +29,7 @@ def _fold_lines(fold: FoldSummary, found: SplitSummary) -> list[str]:
     held = ""
     if found.group is not None and fold.held_out:
         values = number_of(len(fold.held_out), visible(found.group))
-        held = f": holds out {values}, {_names(fold.held_out)}"
+        held = f": holds out {values}, {_range(fold.held_out, found.group)}"
     lines = [f"{visible(fold.name)}{held}"]
     for what, side in (
         ("trained on", fold.train), ("to choose by", fold.validation), ("tested", fold.test),
@@ -39,6 +40,17 @@ def _fold_lines(fold: FoldSummary, found: SplitSummary) -> list[str]:
         if absent := [name for name, count in side.items() if not count]:
             lines.append(f"  not {what}: {_names(absent)}")
     return lines
+
+
+def _range(names: Sequence[str], group: str) -> str:
+    """Return values in order by name; of moments the first and the last."""
+    if group == TIME and len(names) > 1:
+        try:
+            first, *_, last = sorted(as_numbers(names).tolist())
+        except ValueError:
+            return _names(names)
+        return f"from {first:.6g} to {last:.6g}"
+    return _names(names)
 
 
 def _names(names: Sequence[str]) -> str:

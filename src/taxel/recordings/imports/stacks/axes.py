@@ -21,9 +21,11 @@ from taxel.foreign.held_arrays import sides_of
 from taxel.plain_text import number_of
 
 TRIALS, ROWS, CHANNELS, HEIGHT, WIDTH, ONE = "trials", "rows", "channels", "height", "width", "1"
-WORDS = (TRIALS, ROWS, CHANNELS, HEIGHT, WIDTH)
+PARTS = "parts"
+"""A second axis of channels, such as x, y and z of each taxel; no side of a grid."""
+WORDS = (TRIALS, ROWS, CHANNELS, HEIGHT, WIDTH, PARTS)
 """What an axis may be called, beside the 1 of an axis of that length."""
-_TAXELS = (HEIGHT, WIDTH, CHANNELS)
+_TAXELS = (HEIGHT, WIDTH, CHANNELS, PARTS)
 """Axes that become channels, in the order of the channels' numbers: the last moves fastest."""
 _USUAL: dict[bool, dict[int, tuple[tuple[str, ...], ...]]] = {
           True: {2: ((TRIALS, ROWS), (TRIALS, CHANNELS)), 3: ((TRIALS, ROWS, CHANNELS),),
@@ -52,16 +54,20 @@ class Axes:
         return math.prod(self.size(shape, word) for word in _TAXELS)
 
     def names(self, shape: Sequence[int]) -> tuple[str, ...]:
-        """Return the channels' names: numbers from 1; in a grid r1c1, r1c2 … by row and column."""
+        """Return the channels' names: numbers from 1; in a grid r1c1, r1c2 … by row and column.
+
+        With parts, that of the part follows: 1_1, 1_2 …
+        """
         sides = [range(1, self.size(shape, word) + 1) for word in _TAXELS]
-        grid = {HEIGHT, WIDTH} & set(self.words)
+        grid, parts = {HEIGHT, WIDTH} & set(self.words), PARTS in self.words
         return tuple(
             "_".join(filter(None, (
                 (f"r{row}" if HEIGHT in self.words else "")
                 + (f"c{column}" if WIDTH in self.words else ""),
-                str(number) if CHANNELS in self.words or not grid else "",
+                str(number) if CHANNELS in self.words or not (grid or parts) else "",
+                str(part) if parts else "",
             )))
-            for row, column, number in product(*sides)
+            for row, column, number, part in product(*sides)
         )  # fmt: skip
 
     def table(self, trial: NDArray[np.generic]) -> NDArray[np.generic]:
@@ -98,7 +104,9 @@ def parse_axes(text: str, where: str) -> Axes:
         raise BadTable(
             f"each axis as one of {', '.join(WORDS)} (or 1, where it has that length), each once, "
             "and rows among them unless each trial is a single scan (trials channels)",
-            f"{text[:80]!r} in {where}", "correct the column 'axes'",
+            f"{text[:80]!r} in {where}",
+            f"write {PARTS} for the second axis of channels, such as x, y and z of each"
+            if own.count(CHANNELS) > 1 and PARTS not in own else "correct the column 'axes'",
         )  # fmt: skip
     return Axes(words)
 

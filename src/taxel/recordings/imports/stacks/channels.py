@@ -16,7 +16,7 @@ from taxel.errors import BadTable
 from taxel.plain_text import number_of
 from taxel.recordings.imports.value_tables.tables import ALL, MOST_CHANNELS, Column
 
-_OWN = re.compile(r"\d+|(r\d+)?(c\d+)?(_\d+)?")
+_OWN = re.compile(r"\d+(_\d+)?|(r\d+)?(c\d+)?(_\d+){0,2}")
 """What arrays call their channels."""
 
 

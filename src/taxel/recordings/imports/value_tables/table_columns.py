@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -25,13 +25,13 @@ from taxel.foreign.files import MIB, open_file, refuse_larger, size_of
 from taxel.foreign.sheets import is_sheet
 from taxel.foreign.text_lines import lines_of
 from taxel.plain_text import number_of
+from taxel.recordings.imports.value_tables.places import place_by_number, places_of, some_names
 from taxel.recordings.imports.value_tables.table_form import (
     DecimalSign,
     TableForm,
     find_form,
     is_missing,
     is_number,
-    is_whole,
 )
 from taxel.recordings.imports.value_tables.table_rows import rows_of
 from taxel.recordings.imports.value_tables.time_stamps import is_stamp, seconds_of
@@ -45,8 +45,8 @@ LARGEST_LIST = 8 * MIB
 """Bytes of a table that lists files or intervals, some 100,000 of them. Source: our choice."""
 _MOST_CELLS = 1_000_000
 """Of such a list, and its rows count as cells too."""
-_MOST_PLACES = 6
-"""Columns of one name that a message counts up. Source: our choice, docs/decisions/0011."""
+_NO_TIME = "00:00"
+"""A time stamp in the place of none."""
 _BLOCK_CELLS = 65_536
 _BLOCK_BYTES = 8 * MIB
 
@@ -72,7 +72,12 @@ class TextColumns:
 
 
 def text_columns(
-    path: Path, wanted: Sequence[str], stamps: str = "", beside: Collection[str] = ()
+    path: Path,
+    wanted: Sequence[str],
+    stamps: str = "",
+    beside: Collection[str] = (),
+    *,
+    parted: bool = False,
 ) -> TextColumns:
     """Return the wanted columns of a text; `table_form.find_form` says how it may be written.
 
@@ -84,24 +89,18 @@ def text_columns(
         stamps: The wanted column that holds dates or times of day, which become seconds
             (time_stamps.py); none by default.
         beside: Columns that are taken of the file by other calls, as in `find_form`.
+        parted: Whether empty rows part trials; they are rows of NaN then.
 
     Raises:
         BadTable: Anything in the file is not as it should be; says where.
     """
-    form, below = find_form(path, table_lines(path, LARGEST_TABLE), wanted, beside)
-    names = form.names
-    what = (
-        f"a header with {_some(names)}"
-        if form.named
-        else f"{number_of(len(names), 'column')}, no header"
-    )
-    where = _places(path, names, wanted, what)
+    form, where, rows = _opened(path, wanted, beside, parted=parted)
     sign = DecimalSign(path, form.separator)
     stamped = where[wanted.index(stamps)] if stamps else -1
-    values = _values(path, rows_of(path, below, form), form, where, sign, stamped)
+    values = _values(path, rows, form, where, sign, stamped)
     return TextColumns(
         values=values, first_line=form.first_line, decimal_comma=sign.comma,
-        number_header=_some(names) if form.counting else "", one_more=form.one_more,
+        number_header=some_names(form.names) if form.counting else "", one_more=form.one_more,
         passed_over=form.passed_over,
     )  # fmt: skip
 
@@ -130,13 +129,49 @@ def text_cells(
     Raises:
         BadTable: As `text_columns`, some of it only when the rows are taken.
     """
-    form, below = find_form(path, table_lines(path, LARGEST_TABLE), wanted, beside)
-    what = (
-        f"a header with {_some(form.names)}" if form.named else number_of(len(form.names), "column")
-    )
-    where = _places(path, form.names, wanted, what)
-    rows = rows_of(path, below, form)
+    form, where, rows = _opened(path, wanted, beside)
     return form.first_line, ([row[place].strip() for place in where] for row in rows)
+
+
+def parted_cells(
+    path: Path, wanted: Sequence[str], beside: Collection[str] = ()
+) -> tuple[int, Iterator[list[str]]]:
+    """Return what `text_cells` does of a text whose empty rows part trials.
+
+    Before the cells of each row stands the number of its part, from 1; an empty row has no cells.
+    """
+    form, where, rows = _opened(path, wanted, beside, parted=True)
+    return form.first_line, _in_parts(rows, where)
+
+
+def _opened(
+    path: Path, wanted: Sequence[str], beside: Collection[str], *, parted: bool = False
+) -> tuple[TableForm, list[int], Iterator[list[str]]]:
+    """Return how a text is written, where its wanted columns stand, and its rows."""
+    form, below = find_form(path, table_lines(path, LARGEST_TABLE), wanted, beside)
+    form = replace(form, parted=parted)
+    names = form.names
+    what = (
+        f"a header with {some_names(names)}"
+        if form.named
+        else f"{number_of(len(names), 'column')}, no header"
+    )
+    return form, places_of(path, names, wanted, what), rows_of(path, below, form)
+
+
+def _in_parts(rows: Iterator[list[str]], where: Sequence[int]) -> Iterator[list[str]]:
+    part, within = 0, False
+    for row in rows:
+        if not (filled := _is_filled(row)):
+            yield []
+        else:
+            part += not within
+            yield [str(part), *(row[place].strip() for place in where)]
+        within = filled
+
+
+def _is_filled(row: Sequence[str]) -> bool:
+    return any(cell.strip() for cell in row)
 
 
 def _values(
@@ -158,6 +193,9 @@ def _values(
             line = form.first_line + count
             cells = [row[index] for row in block]
             if index == stamped:
+                if form.parted:  # the time of a row between trials is not looked at
+                    cells = [cell if _is_filled(row) else _NO_TIME
+                             for cell, row in zip(cells, block, strict=True)]  # fmt: skip
                 block_values[:, place] = seconds_of(path, cells, form.names[index], line)
                 continue
             cells = sign.with_points(cells, line)
@@ -192,7 +230,7 @@ def npy_columns(path: Path, wanted: Sequence[str]) -> TextColumns:
                     "as many bytes as its shape says", f"{size - start:,} for {shape}", "write it"
                 )
             # Names are numbers here: nothing is listed, however many columns a head speaks of.
-            where = [_number_of(path, name, columns) for name in wanted]
+            where = [place_by_number(path, name, columns) for name in wanted]
             _refuse_many(path, rows * len(where))
             values = np.empty((rows, len(where)))
             if by_columns:
@@ -244,8 +282,7 @@ def read_cells(path: Path) -> list[list[str]]:
         BadTable: It cannot be read, is too long, not text in a certain encoding, or no CSV.
     """
     text = "".join(_raw_lines(path, LARGEST_LIST))
-    with_text = (line for line in io.StringIO(text) if line.strip() and line[0] != "#")
-    separator = "\t" if is_sheet(path) else max("\t;,", key=next(with_text, "").count)
+    separator = list_separator(path, io.StringIO(text))
     rows, cells = [], 0
     try:
         for row in csv.reader(io.StringIO(text, newline=""), delimiter=separator):
@@ -258,6 +295,12 @@ def read_cells(path: Path) -> list[list[str]]:
     except csv.Error as error:
         raise BadTable("a table (CSV)", f"{path}: {error}", "save it again as CSV") from error
     return _trimmed(rows)
+
+
+def list_separator(path: Path, lines: Iterable[str]) -> str:
+    """Return what separates the cells of a small table, by its first line that is no remark."""
+    with_text = (line for line in lines if line.strip() and line[0] != "#")
+    return "\t" if is_sheet(path) else max("\t;,", key=next(with_text, "").count)
 
 
 def by_column(columns: Sequence[str], cells: Sequence[str], where: str) -> dict[str, str]:
@@ -304,63 +347,6 @@ def table_lines(path: Path, most: int) -> Iterator[str]:
     return (line.rstrip("\r\n") for line in _raw_lines(path, most))
 
 
-def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:
-    """Return where each wanted name stands; a number counts columns where no name is one.
-
-    Where a name is a whole number, a second meaning of numbers would take another column unseen.
-    """
-    counted = not any(map(is_whole, names))
-    found: dict[str, int] = {}
-    twice: set[str] = set()
-    for index, name in enumerate(names):
-        if found.setdefault(name, index) != index:
-            twice.add(name)
-    for name in wanted:
-        if name in twice:
-            raise _several(path, name, names, what, counted=counted)
-        if name not in found:
-            index = as_number(name) if counted else 0
-            if not 1 <= index <= len(names):
-                raise _no_column(path, name, "no such column", what)
-            found[name] = index - 1
-    return [found[name] for name in wanted]
-
-
-def _number_of(path: Path, name: str, columns: int) -> int:
-    index = as_number(name)
-    if not 1 <= index <= columns:
-        raise BadTable(
-            f"columns by their numbers, 1 to {columns}: no names are in {path}", repr(name[:80]),
-            "write channels as 1[N] 2[N] in the import table",
-        )  # fmt: skip
-    return index - 1
-
-
-def as_number(name: str) -> int:
-    """Return the number, from 1, that a column is called by; 0 where its name is none."""
-    return int(name) if is_whole(name) and len(name) < 10 else 0
-
-
-def _no_column(path: Path, name: str, problem: str, what: str) -> BadTable:
-    mend = "correct it"
-    if is_whole(name) and what.startswith("a header"):
-        mend = "write a name as it stands there; if line 1 holds values, put names above it"
-    return BadTable(f"the column {name[:80]!r}", f"{problem} in {path} ({what})", mend)
-
-
-def _several(path: Path, name: str, names: Sequence[str], what: str, *, counted: bool) -> BadTable:
-    """Return the error of a name that several columns have: it says which."""
-    places = [number for number, own in enumerate(names, start=1) if own == name]
-    shown = ", ".join(map(str, places[:_MOST_PLACES])) + (" …" if places[_MOST_PLACES:] else "")
-    mend = "rename all but one of them in the file"
-    if counted:
-        mend = f"write the number of the one that is meant, such as {places[0]}, or {mend}"
-    return BadTable(
-        f"the column {name[:80]!r}",
-        f"{len(places)} columns of that name in {path}, columns {shown} ({what})", mend,
-    )  # fmt: skip
-
-
 def _numbers(path: Path, cells: list[str], name: str, first_line: int) -> NDArray[np.float64]:
     """Return a column's numbers; a cell without a value is NaN, any other must be a number."""
     try:
@@ -374,14 +360,27 @@ def _numbers(path: Path, cells: list[str], name: str, first_line: int) -> NDArra
             numbers[row] = np.nan
             continue
         if not is_number(cell):
+            where = f"in {path}, line {row + first_line}, column {name[:80]!r}"
+            if _holds_several(cell):
+                raise BadTable(
+                    "a number", f"{cell[:80]!r} {where}, where blanks separate no cells",
+                    "write as many numbers in each line, or separate them by commas, semicolons or "
+                    "tabs; for other texts, name a function that reads them in the column 'layout'",
+                )  # fmt: skip
             raise BadTable(
                 "a number",
-                f"{cell[:80]!r} in {path}, line {row + first_line}, column {name[:80]!r}",
+                f"{cell[:80]!r} {where}",
                 "if it is the time, write NAME[iso] in the column 'time'; else choose other columns"
                 if is_stamp(cell) else mend_number(cell),
             )  # fmt: skip
         numbers[row] = float(cell)
     return numbers
+
+
+def _holds_several(cell: str) -> bool:
+    """Return whether a cell holds several numbers with blanks between them."""
+    words = cell.split()
+    return len(words) > 1 and all(map(is_number, words))
 
 
 def _refuse_many(path: Path, count: int) -> None:
@@ -390,9 +389,3 @@ def _refuse_many(path: Path, count: int) -> None:
             f"at most {MOST_VALUES:,} values in a table", f"more in {path}",
             "cut it into several, or take fewer columns",
         )  # fmt: skip
-
-
-def _some(names: Sequence[str]) -> str:
-    named = [name for name in names if name]
-    more = f" and {len(named) - 12} more" if len(named) > 12 else ""
-    return ", ".join(name[:40] for name in named[:12]) + more

@@ -53,6 +53,8 @@ class TableForm:
     """Whether each row ends in a separator that the line of names does not end in."""
     passed_over: str = ""
     """Which lines around the names are no rows, and why, for a note; or empty."""
+    parted: bool = False
+    """Whether empty rows, and blank lines, part trials, so that they may stand anywhere."""
 
 
 def find_form(

@@ -14,12 +14,14 @@ from taxel.errors import BadTable
 from taxel.plain_text import number_of
 from taxel.recordings.imports.value_tables.table_form import TableForm, cells_of
 
+_GRIDS = "if they part scans of several lines, write the grid in 'channels', as pad:4x4[N]; "
+
 
 def rows_of(path: Path, lines: Iterator[str], form: TableForm) -> Iterator[list[str]]:
     """Yield the cells of each line, which must be as many as there are columns.
 
     Blank lines, and rows without anything in their cells, may end a text, as spreadsheets write
-    them: they are left out there.
+    them: they are left out there. Where they part trials, each of them is a row of empty cells.
 
     Args:
         path: For messages.
@@ -34,7 +36,7 @@ def rows_of(path: Path, lines: Iterator[str], form: TableForm) -> Iterator[list[
     for number, line in enumerate(lines, start=form.first_line):
         if not line.strip(nothing):
             cells = cells_of(path, number, line, form.separator)
-            if len(cells) == width > 1:
+            if len(cells) == width > 1 or form.parted:
                 empty += 1
             else:
                 blank = blank or number
@@ -65,7 +67,12 @@ def _ragged(path: Path, form: TableForm, count: int, number: int) -> BadTable:
             f"{form.first_line}", got, "write all lines alike",
         )  # fmt: skip
     if not count:
-        mend = "remove the blank line; if another table begins below it, save that by itself"
+        mend = (
+            "remove the blank line; if blank lines part trials, write 'empty rows' in the column "
+            "'trials'; "
+            + _GRIDS * (not form.named)
+            + "if another table begins below it, save that by itself"
+        )
     elif count < names:
         mend = "mend the file, which may have been cut short"
     elif form.named:

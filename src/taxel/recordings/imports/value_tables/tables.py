@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.grid_names import grid_place
+from taxel.recordings.imports.value_tables.places import some_names
 from taxel.recordings.imports.value_tables.row_times import (
     LARGEST_RATE_HZ,
     REFUSED,
@@ -39,6 +40,8 @@ from taxel.recordings.imports.value_tables.table_form import column_places, is_t
 Missing = Literal["refuse", "keep"]
 """What happens to empty cells, NaN and infinity: an error, or kept and flagged NOT_FINITE."""
 
+Trials = Literal["one", "many", "parted"]
+"""Trials in a file: one, many, or many that empty rows part."""
 LARGEST_VALUE = float(np.finfo(np.float32).max)
 """Recordings hold values in 32 bits."""
 MOST_CHANNELS = 16_384
@@ -47,6 +50,11 @@ ALL = "*"
 """In the place of a channel's name: all columns but that of time."""
 _GRID = re.compile(r"(.{1,40}):([0-9]{1,4})x([0-9]{1,4})")
 """A grid of channels: its name, rows and columns."""
+_IN_LINES = (
+    "; lines are joined to a scan where each has as many numbers as a row of the grid, no line "
+    "names them and 'time' is a rate"
+)
+"""When scan_blocks.py reads a text."""
 TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Unit of a time column → seconds."""
 STAMPS = "iso"
@@ -91,6 +99,8 @@ class Table:
     """Whether each row ends in a separator, with an empty cell behind it that was left out."""
     passed_over: str = ""
     """Which lines around the names are no rows, and why, for a note; or empty."""
+    remarks: tuple[str, ...] = ()
+    """How the file was read, for notes."""
     doubts: tuple[str, ...] = ()
     """What may have been meant in another way, for notes."""
     dtype: np.dtype[Any] = field(default_factory=lambda: np.dtype(np.float64))
@@ -210,7 +220,7 @@ def read_table(
     missing: Missing = "refuse",
     *,
     bad_times: BadTimes = REFUSED,
-    in_trials: bool = False,
+    trials: Trials = "one",
     but: Collection[str] = (),
 ) -> Table:
     """Return the wanted columns of a text or a .npy file.
@@ -221,7 +231,8 @@ def read_table(
         time: Where time comes from.
         missing: What happens to values that are not finite. Time must always be.
         bad_times: What happens to rows whose times are garbled or repeat.
-        in_trials: Whether times may begin anew; then they are not looked at.
+        trials: How many it holds. Where times may begin anew, they are not looked at; where empty
+            rows part trials, values are not, either.
         but: Columns that `*` leaves out, beside that of time: other calls take them.
 
     Raises:
@@ -238,7 +249,7 @@ def read_table(
             refuse_stamps(time.column, str(path))
         text = npy_columns(path, wanted)
     elif is_text(path.name):
-        text = text_columns(path, wanted, stamps, but)
+        text = text_columns(path, wanted, stamps, but, parted=trials == "parted")
     else:
         raise BadTable(
             "a .csv, .tsv, .txt or .dat file, packed as .gz or not, .xlsx, .wav, .npy, .npz, .mat, "
@@ -249,7 +260,10 @@ def read_table(
         )  # fmt: skip
     cells, first_line = text.values, text.first_line
     values = cells[:, : len(columns)]
-    check_values(path, values, [column.name for column in columns], missing, first_line)
+    if trials != "parted":
+        if missing == "refuse" and is_text(path.name) and len(wanted) > 1:
+            _refuse_empty(path, cells, first_line, timed=time.column is not None)
+        check_values(path, values, [column.name for column in columns], missing, first_line)
     table = Table(
         values=values,
         time_s=_time_s(cells, time),
@@ -261,10 +275,23 @@ def read_table(
         passed_over=text.passed_over,
         dtype=text.dtype,
     )
-    if in_trials or time.column is None:
+    if trials != "one" or time.column is None:
         return table
     text_lines = is_text(path.name)
     return table.without(check_time(path, table.time_s, bad_times, first_line, text=text_lines))
+
+
+def _refuse_empty(path: Path, cells: NDArray[np.float64], first_line: int, *, timed: bool) -> None:
+    """Refuse rows of a text without any value, shape (n, columns): they may part trials."""
+    empty = np.flatnonzero(np.isnan(cells).all(axis=1))
+    if not empty.size:
+        return
+    keep = "" if timed else ", or keep it as invalid with --missing keep"
+    raise BadTable(
+        "a finite number that 32 bits hold",
+        f"nan in {path}, line {empty[0] + first_line}, where no channel has a value",
+        f"if such rows part trials, write 'empty rows' in the column 'trials'; or remove it{keep}",
+    )
 
 
 def check_values(
@@ -346,7 +373,10 @@ def _all_columns(
         raise BadTable(
             f"as many columns in {path} as {', '.join(words)} have places, {len(columns):,}, for a "
             "grid takes all of them in order",
-            f"{len(channels):,} beside that of time", "correct its rows and columns",
+            f"{len(channels):,}, {some_names(channels)}"
+            + (f", beside {some_names([names[place] for place in sorted(places)])}" * bool(places)),
+            "correct its rows and columns, or remove columns that are no taxels from the file"
+            + (_IN_LINES if is_text(path.name) else ""),
         )  # fmt: skip
     if known or not _by_rows(channels):
         raise BadTable(

@@ -14,8 +14,9 @@ import numpy as np
 
 from taxel.errors import BadFile, BadTable
 from taxel.foreign.wav_file import WavHead, read_wav, read_wav_head
+from taxel.recordings.imports.value_tables.places import as_number
 from taxel.recordings.imports.value_tables.row_times import LARGEST_RATE_HZ
-from taxel.recordings.imports.value_tables.table_columns import MOST_VALUES, as_number
+from taxel.recordings.imports.value_tables.table_columns import MOST_VALUES
 from taxel.recordings.imports.value_tables.tables import (
     ALL,
     MOST_CHANNELS,
