@@ -10,8 +10,16 @@ from taxel.bundles.contract import at_level
 from taxel.decisions.recognition import UNKNOWN, GraspVote, Quality, decide
 from taxel.decisions.unknown import NoveltyTest
 from taxel.errors import BadBundle, BadDataset
-from taxel.evaluation.robustness.touches import ANSWER_ALL, Model, Recorded, judge, read_touches
+from taxel.evaluation.robustness.touches import (
+    ANSWER_ALL,
+    Model,
+    Recorded,
+    judge,
+    read_touches,
+    train_model,
+)
 from taxel.signals import Samples, Validity
+from taxel.training.recipes import find_recipe
 from taxel.training.unknown import fit_unknown
 from taxel.windows.dataset import load_dataset
 from taxel.windows.reference import touch_level
@@ -35,6 +43,21 @@ def test_windows_are_those_of_a_data_set_brought_to_the_trained_level(
     assert len(answers.y) == total
     assert int(answers.right.sum()) == right
     assert answers.right.mean() > 0.5  # it has learned something: a guess is right in a third
+
+
+def test_levels_that_follow_are_followed_as_where_recordings_are_scored(seen: Path, unseen: Path):
+    """With values as measured, the recogniser would be given what it never learned from."""
+    recipe = find_recipe("teng-referenced")
+    window = replace(recipe.window, reference=None, level_follow="session:10")
+    follows = train_model(seen, replace(recipe, model="extra-trees", window=window))
+    dataset = load_dataset(unseen, window, target="shape", usual=follows.contract.usual)
+    found = follows.probabilities(dataset.windows.values, dataset.windows.mask)
+    right = found.argmax(axis=1) == dataset.class_numbers("shape")
+    answers = judge(follows, read_touches(unseen)[0])
+
+    assert len(answers.y) == len(dataset)
+    np.testing.assert_allclose(answers.probabilities, found, atol=1e-6)
+    assert int(answers.right.sum()) == int(right.sum())
 
 
 def test_a_sessions_level_gives_what_a_bundle_adapted_to_it_gives(

@@ -2,14 +2,14 @@
 
 The same grid, gate, windows, validity and decisions as live: windows with input that cannot be
 used, and what a bundle's own test calls unlike the learned, are UNKNOWN. A session is brought to
-the recogniser's level by its own reference touches. Knows nothing about faults.
+the recogniser's level by its own reference touches, or followed. Knows nothing about faults.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 
@@ -32,6 +32,7 @@ from taxel.training.fitting import Job, TrainingSet, fit_model, training_windows
 from taxel.training.recipes import Recipe
 from taxel.training.run import contract_of
 from taxel.windows.dataset import load_dataset
+from taxel.windows.level_follow import followed_factors, parse_level_follow
 from taxel.windows.reference import (
     ReferenceTouches,
     parse_reference,
@@ -131,17 +132,14 @@ def judge(
 
     Raises:
         BadBundle: The model was not made for such an array.
-        BadDataset: A touch lacks the target, no touch is of a known kind, or a session has
-            too few reference touches.
+        BadDataset: A touch lacks the target, no touch is of a known kind, a session has too few
+            reference touches, or a touch does not name its session though levels are followed.
     """
     contract = model.contract
     number = {name: index for index, name in enumerate(contract.classes)}
     sessions: dict[str, list[_Cut]] = {}
     outside, seconds = 0, 0.0
-    for touch in touches:
-        contract.check_sensor(touch.sensor)
-        windows = cut_windows(touch.samples, contract.window, touch.sensor)
-        owner = owners_of(windows, touch.trials)
+    for touch, windows, owner in _cut(contract, touches):
         outside += int((owner < 0).sum())
         seconds += float(touch.samples.fitted_s[-1] - touch.samples.fitted_s[0])
         names = touch.sessions
@@ -187,6 +185,37 @@ class _Cut:
     trials: tuple[Trial, ...]
     own: NDArray[np.bool_]
     """Shape (touches,): which of them are of this session."""
+
+
+def _cut(
+    contract: Contract, touches: Sequence[Recorded]
+) -> list[tuple[Recorded, Windows, NDArray[np.intp]]]:
+    """Return each recording with its windows and each window's touch, -1 outside of touches.
+
+    Where levels are followed, windows are scaled as by `load_dataset` for a bundle: by the touches
+    before them in their session.
+    """
+    found = []
+    for touch in touches:
+        contract.check_sensor(touch.sensor)
+        windows = cut_windows(touch.samples, contract.window, touch.sensor)
+        found.append((touch, windows, owners_of(windows, touch.trials)))
+    text = contract.window.level_follow
+    if text is None:
+        return found
+    trials = [trial for touch in touches for trial in touch.trials]
+    first = np.cumsum([0, *(len(touch.trials) for touch in touches)])
+    inside = [owner >= 0 for _, _, owner in found]
+    factor, _ = followed_factors(
+        Windows.join([windows[own] for (_, windows, _), own in zip(found, inside, strict=True)]),
+        np.concatenate([owner[own] + start for (_, _, owner), own, start
+                        in zip(found, inside, first[:-1], strict=True)]),
+        trials, parse_level_follow(text), contract.usual,
+    )  # fmt: skip
+    return [
+        (touch, replace(windows, values=windows.values * factor[owner + start, None, :]), owner)
+        for (touch, windows, owner), start in zip(found, first[:-1], strict=True)
+    ]
 
 
 def _answers(
