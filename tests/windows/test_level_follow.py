@@ -47,10 +47,17 @@ def factors(levels: list[list[float]], sessions: str, usual: UsualLevel | None =
     return followed_factors(own, np.arange(len(own)), trials(sessions), FOLLOW, usual)[0]
 
 
-@pytest.mark.parametrize("text", ["session", "session:", ":10", "session:0", "session:x", "a:-1"])
+@pytest.mark.parametrize("text", ["session", "session:", ":10", "session:0", "session:x", "a:-1",
+                                  "a:1000001", "a:" + 5000 * "9"])  # fmt: skip
 def test_a_text_that_names_no_group_and_count_is_refused(text: str) -> None:
     with pytest.raises(BadInput, match="KEY:TOUCHES"):
         parse_level_follow(text)
+
+
+def test_levels_of_single_touches_are_refused() -> None:
+    """Live, nothing would say that each is a session of its own."""
+    with pytest.raises(BadInput, match=r"a group of many touches .* session:10"):
+        parse_level_follow("trial:10")
 
 
 def test_a_text_names_the_group_and_how_many_touches_the_usual_level_counts_as() -> None:
@@ -165,6 +172,21 @@ def test_live_without_pauses_a_touch_has_as_many_windows_as_a_usual_trial() -> N
     found = live([[2.0, 4.0]] * 4, [0.0, 0.5, 1.0, 1.5], 2)
 
     assert found == pytest.approx([1.0, 1.0, 0.5**0.5, 0.5**0.5])
+
+
+def test_live_padding_and_windows_that_cannot_be_used_change_no_level() -> None:
+    """Half of the first window is padding, the second's values are missing."""
+    first, second = windows([[2.0, 4.0]]), windows([[9.0, np.nan]])
+    first.values[0, 2:], first.mask[0, 2:] = 0.0, False
+    second.usable[:] = 0.5
+    follower = LevelFollower(USUAL, FOLLOW.touches, 0.8, None)
+    for window in (first, second):
+        follower.begin(window)
+        follower.add(window)
+    follower.over()
+
+    assert follower.now().touches == 1
+    assert follower.factor.tolist() == pytest.approx(factors([[2.0, 4.0]] * 2, "aa")[1].tolist())
 
 
 def test_live_rest_between_touches_changes_nothing() -> None:

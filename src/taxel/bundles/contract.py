@@ -26,7 +26,7 @@ from taxel.foreign.records import record_of
 from taxel.plain_text import number_of
 from taxel.signals import SensorInfo
 from taxel.windows.config import MOST_RATE_CHANGE, WindowConfig
-from taxel.windows.level_follow import UsualLevel
+from taxel.windows.level_follow import UsualLevel, parse_level_follow
 from taxel.windows.reference import Reference
 from taxel.windows.scaling import Scaling, ScalingKind
 
@@ -285,6 +285,10 @@ def _usual(entries: Fields, channels: int, window: WindowConfig) -> UsualLevel |
         raise ValueError("levels that follow without a usual level, or the reverse")
     if window.level_follow is None:
         return None
+    try:
+        parse_level_follow(window.level_follow)
+    except BadInput as error:
+        raise ValueError(f"levels that follow {error.got}") from error
     found = record_of(UsualLevel, entries.any("usual"))
     if len(found.squares) != channels:
         raise ValueError(f"a usual level of {number_of(len(found.squares), 'channel')}")

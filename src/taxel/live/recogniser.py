@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from math import inf
 from time import perf_counter
 
-from taxel.bundles.contract import Contract
+from taxel.bundles.contract import MOST_JOINED, Contract
 from taxel.bundles.reader import Bundle
 from taxel.decisions.recognition import (
     Decision,
@@ -159,9 +159,12 @@ class Recogniser:
         answers = []
         for index in range(len(windows)):
             began = perf_counter()
-            window = windows if len(windows) == 1 else windows[index : index + 1]
+            measured = windows if len(windows) == 1 else windows[index : index + 1]
+            window = measured
+            if learning is not None:
+                learning.begin(measured)
             if self._level is not None:
-                window = _scaled(window, self._level, learns=learning is not None)
+                window = replace(measured, values=measured.values * self._level.factor)
             found, novelty = self.bundle.recognise(window.values, window.mask)
             decision = decide(
                 found,
@@ -172,6 +175,8 @@ class Recogniser:
                 self.bundle.novelty_test,
             )
             answers.append(Answer(decision, window, cutting_s + perf_counter() - began))
+            if learning is not None:  # for the next touch: this answer need not wait for it
+                learning.add(measured)
         return answers
 
 
@@ -181,7 +186,8 @@ def follower_of(contract: Contract) -> LevelFollower | None:
     if text is None or usual is None:
         return None
     touches, gap_s = parse_level_follow(text).touches, contract.window.max_gap_s
-    return LevelFollower(usual, touches, gap_s, contract.most_windows)
+    most = None if contract.window.gate is not None else contract.trial_windows or MOST_JOINED
+    return LevelFollower(usual, touches, gap_s, most)
 
 
 class SessionLevels:
@@ -208,13 +214,3 @@ class SessionLevels:
         if session not in self._known:
             self._known[session] = follower_of(self._contract)
         return self._known[session]
-
-
-def _scaled(window: Windows, level: LevelFollower, *, learns: bool) -> Windows:
-    """Return a window at the usual level; take in its own where it really came."""
-    if learns:
-        level.begin(window)
-    factor = level.factor
-    if learns:
-        level.add(window)
-    return replace(window, values=window.values * factor)

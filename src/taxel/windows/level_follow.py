@@ -33,6 +33,8 @@ percentile of training windows reach: without a gate, windows at rest come too. 
 0061."""
 _SEED = 0
 _LARGEST = 10**6
+_SHOWN = 60
+"""Characters of a text that messages show."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,11 +83,15 @@ def parse_level_follow(text: str) -> LevelFollow:
         BadInput: The text names none.
     """
     key, _, touches = text.rpartition(":")
-    if not (key and touches.isascii() and touches.isdecimal() and 0 < int(touches) <= _LARGEST):
+    whole = touches.isascii() and touches.isdecimal() and len(touches) <= len(str(_LARGEST))
+    if not (key and whole and 0 < int(touches) <= _LARGEST):
         raise BadInput(
-            f"a group and a number of touches, 1 to {_LARGEST}, as KEY:TOUCHES", repr(text),
-            "such as session:10",
+            f"a group and a number of touches, 1 to {_LARGEST}, as KEY:TOUCHES",
+            repr(text[:_SHOWN] + "…" * (len(text) > _SHOWN)), "such as session:10",
         )  # fmt: skip
+    if key == "trial":
+        raise BadInput("a group of many touches to follow the levels of", "single trials",
+                       "name one such as session:10")  # fmt: skip
     return LevelFollow(key=key, touches=int(touches))
 
 
@@ -244,10 +250,12 @@ class LevelFollower:
     def __init__(
         self, usual: UsualLevel, touches: int, gap_s: float, most_windows: int | None
     ) -> None:
-        self._known, self._gap_s, self._most = usual, gap_s, most_windows
+        self._gap_s, self._most = gap_s, most_windows
         self._usual, self._level = usual.array, usual.array
         self._weight, self._end_s = float(touches), -np.inf
         self._sum, self._windows = np.zeros_like(self._usual), 0
+        least = np.where(self._usual > 0, usual.quietest * self._usual, np.inf)
+        self._least = np.asarray(least, np.float64)
         self.factor = factor_of(self._usual, self._usual)
         """Shape (channels,): what the next window's values are multiplied by."""
         self.touches = 0
@@ -272,12 +280,16 @@ class LevelFollower:
         self._end_s = float(window.end_s[0])
 
     def add(self, window: Windows) -> None:
-        """Take in what was measured in that window, as it came."""
-        if not (window.ready[0] and window.mask[0].any()):
+        """Take in what was measured in that window, as it came; `mean_squares`, but quick."""
+        rows = window.values[0]
+        if not window.mask.all():
+            rows = rows[window.mask[0]]
+        if not (window.ready[0] and len(rows)):
             return
-        squares = mean_squares(window.values, window.mask)
-        if self._known.shows(squares)[0]:
-            self._sum += squares[0]
+        values = rows.astype(np.float64)
+        squares = np.einsum("sc,sc->c", values, values) / len(values)
+        if (squares >= self._least).any():  # as `UsualLevel.shows`
+            self._sum += squares
             self._windows += 1
 
     def _take_in(self) -> None:

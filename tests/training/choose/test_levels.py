@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.bundles.contract import contract_from_json, contract_to_json
+from taxel.bundles.contract import MOST_JOINED, contract_from_json, contract_to_json
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.recordings import load_at_level
 from taxel.cli.main import main
 from taxel.errors import BadBundle
 from taxel.evaluation.nested import check_choosing
 from taxel.evaluation.outer_split import OuterSplit
-from taxel.live.recogniser import Recogniser, SessionLevels
+from taxel.live.recogniser import Recogniser, SessionLevels, follower_of
 from taxel.recordings.imports.importing import ImportRow, import_rows
 from taxel.recordings.reader import read_recording
 from taxel.training.choose.base import Base, load_base
@@ -23,6 +23,7 @@ from taxel.training.choose.inner_folds import Held
 from taxel.training.choose.levels import FEWEST_TOUCHES, level_to_follow
 from taxel.training.choose.preparations import prepare_all
 from taxel.training.choose.search import Effort, choose
+from taxel.windows.windower import Windows
 
 SESSIONS, TOUCHES, ROWS = 6, 40, 20
 
@@ -167,6 +168,42 @@ def test_of_a_folder_recordings_of_one_session_share_a_level(bundle: Path) -> No
     assert SessionLevels(replace(contract, window=window)).of({"session": "a"}) is None
 
 
+def test_without_a_gate_a_live_touch_has_as_many_windows_as_a_usual_trial(bundle: Path) -> None:
+    """However few of them are joined to one answer."""
+    contract = replace(read_bundle(bundle).contract, trial_windows=MOST_JOINED + 4)
+    follower = follower_of(contract)
+    assert contract.window.gate is None
+    assert follower is not None
+    assert contract.usual is not None
+    loud = np.sqrt(contract.usual.array)[None, None].astype(np.float32)
+    one = Windows(loud, np.ones((1, 1), bool), np.ones(1, np.float32), np.zeros(1, np.float32),
+                  np.zeros(1), np.zeros(1))  # fmt: skip
+    ended = []
+    for _ in range(MOST_JOINED + 5):
+        follower.begin(one)
+        follower.add(one)
+        ended.append(follower.touches)
+
+    assert ended == [0] * (MOST_JOINED + 4) + [1]
+
+
+def test_a_session_may_be_a_recording(
+    bundle: Path, drifting: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """As recordings are scored, each of a folder then begins at the usual level."""
+    opened = read_bundle(bundle)
+    window = replace(opened.contract.window, level_follow="recording:10")
+    opened.contract = replace(opened.contract, window=window)
+    monkeypatch.setattr("taxel.bundles.reader.read_bundle", lambda *_, **__: opened)
+    capsys.readouterr()
+
+    main(["live", str(bundle), f"replay://{drifting}?speed=max", "--json"])
+
+    (result,) = json.loads(capsys.readouterr().out)
+    assert result["level"]["touches"] == TOUCHES - 1
+
+
 def test_live_prints_where_the_level_stands(
     bundle: Path, drifting: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -197,6 +234,10 @@ def test_a_contract_keeps_the_usual_level_and_refuses_one_that_does_not_fit(bund
         ('"level_follow": "session:10"', '"level_follow": null'),
         ('"quietest": ', '"quietest": -'),
         ('"squares": [', '"squares": [1.0, '),
+        ('"squares": [', '"squares": [NaN, '),
+        ('"level_follow": "session:10"', '"level_follow": "session"'),
+        ('"level_follow": "session:10"', f'"level_follow": "session:{5000 * "9"}"'),
+        ('"level_follow": "session:10"', '"level_follow": "trial:10"'),
     ):
         assert old in text
         with pytest.raises(BadBundle):

@@ -90,7 +90,9 @@ def _run(options: ArrayOptions, bundles: Sequence[Bundle]) -> list[Tally]:
     with stop_signals(SUMMARY_FOLLOWS) as stopped:
         for address in recordings_of(options.source):
             files = replayed_files(address)
-            groups = read_manifest(files[0]).groups if files else {}
+            groups = {}
+            if files:  # as `trials_of` has them
+                groups = {**read_manifest(files[0]).groups, "recording": files[0].stem}
             with open_source(address) as source:
                 recognisers = [
                     Recogniser(bundle, source.info, config, level.of(groups))
