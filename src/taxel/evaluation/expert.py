@@ -193,7 +193,8 @@ def read_and_part(task: Task, like: Choice | None = None) -> tuple[Base, Split]:
     folds = task.split.of(base)
     if like is None and (task.check or task.split.leaves_unseen):
         check_training_parts(base, folds, task.split)
-    return base, folds
+    learned = _learned_from(base, folds, task.split)
+    return replace(base, unseen=frozenset(range(len(base.trials))).difference(learned)), folds
 
 
 def _table_notes(base: Base, folds: Split, split: OuterSplit) -> tuple[str, ...]:

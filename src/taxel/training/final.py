@@ -22,7 +22,7 @@ from taxel.training.loop import Checkpoint
 from taxel.training.recipes import Recipe
 from taxel.training.run import Run, contract_of, save_run
 from taxel.training.unknown import fit_unknown
-from taxel.windows.dataset import Dataset, load_dataset
+from taxel.windows.dataset import Dataset, follow_levels, load_dataset
 
 _PARITY_WINDOWS = 1000
 """Windows that a bundle's export is compared on. Source: our choice, docs/decisions/0009."""
@@ -60,7 +60,13 @@ def train_on_all(
     find_network(recipe.model)
     dataset = load_dataset(path, recipe.window, target=recipe.target)
     check_gate(dataset)
-    dataset = part(dataset)
+    known, dataset = dataset, part(dataset)
+    if recipe.window.level_follow is not None and len(dataset.trials) < len(known.trials):
+        # What is kept back must have no part in the usual level either.
+        measured = load_dataset(
+            path, replace(recipe.window, level_follow=None), target=recipe.target
+        )
+        dataset = follow_levels(part(measured), recipe.window.level_follow)
     source = training_windows(path, dataset, recipe)
     if not resume:
         shutil.rmtree(checkpoints, ignore_errors=True)

@@ -102,8 +102,14 @@ def contract_of(
         learned=tuple(sorted({fingerprint_of(own) for own in dataset.fingerprints.values()})),
         motion=measure_motion(dataset, target),
         usual=dataset.usual,
-        trial_windows=int(np.median(np.bincount(dataset.trial))) if len(dataset) else 0,
+        trial_windows=_usual_windows(dataset.trial),
     )
+
+
+def _usual_windows(trial: NDArray[np.intp]) -> int:
+    """Return the median of the trials' windows; those kept back have none, and do not count."""
+    count = np.bincount(trial)
+    return int(np.median(count[count > 0])) if len(trial) else 0
 
 
 def save_run(folder: Path | str, run: Run) -> None:

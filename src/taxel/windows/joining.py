@@ -9,11 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
 from taxel.labels.joined import refuse_merged
 from taxel.labels.trials import Trial
-from taxel.windows.dataset import LABEL_THEM, Dataset, load_dataset, only_labelled
+from taxel.windows.dataset import LABEL_THEM, Dataset, follow_levels, load_dataset, only_labelled
+from taxel.windows.level_follow import parse_level_follow
 from taxel.windows.rates import differ
 from taxel.windows.reference import to_usual
 from taxel.windows.windower import Windows
@@ -64,6 +66,41 @@ def join_datasets(first: Dataset, folder: Path, target: str) -> Dataset:
             **{f"{TEST_PREFIX}{name}": own for name, own in second.fingerprints.items()},
         },
     )
+
+
+def follow_apart(dataset: Dataset, text: str, unseen: NDArray[np.bool_] | None) -> Dataset:
+    """Return a data set whose levels are followed, of which some trials are only tested.
+
+    Those have no part in what is learned, and are followed as where a bundle is scored. A session
+    of the second folder is none of the first one's, though they be called alike.
+
+    Args:
+        dataset: As measured.
+        text: As `WindowConfig.level_follow` has it.
+        unseen: The trials that are only tested, shape (trials,); None: none.
+
+    Raises:
+        BadDataset: A trial lacks the group.
+    """
+    if unseen is None:
+        return follow_levels(dataset, text)
+    learned = follow_levels(dataset.only_trials(np.flatnonzero(~unseen).tolist()), text)
+    key = parse_level_follow(text).key
+    trials = [
+        replace(own, groups={**own.groups, key: TEST_PREFIX + own.groups[key]})
+        if own.recording.startswith(TEST_PREFIX) and key in own.groups else own
+        for own in dataset.trials
+    ]  # fmt: skip
+    scored = follow_levels(replace(dataset, trials=tuple(trials)), text, learned.usual)
+    assert scored.to_level is not None
+    assert learned.to_level is not None
+    factor = scored.to_level.copy()
+    factor[~unseen] = learned.to_level
+    values = dataset.windows.values * factor[dataset.trial, None, :]
+    return replace(
+        scored, trials=dataset.trials, to_level=factor,
+        windows=replace(dataset.windows, values=values),
+    )  # fmt: skip
 
 
 def _check_alike(first: Dataset, second: Dataset, folder: Path) -> None:

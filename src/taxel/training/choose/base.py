@@ -40,6 +40,8 @@ class Base:
     """Another folder, whose trials follow and are tested only."""
     notes: tuple[str, ...] = ()
     """What a reader must know of all recordings, however they are cut."""
+    unseen: frozenset[int] = frozenset()
+    """Trials that nothing is learned from, though they are tested: no level of theirs is usual."""
 
     @property
     def trials(self) -> tuple[Trial, ...]:

@@ -24,8 +24,8 @@ from taxel.sim.teng.constants import SENSORS
 from taxel.training.choose.base import Base
 from taxel.training.choose.kernels import KeptKernels
 from taxel.windows.config import GATE_V, WindowConfig
-from taxel.windows.dataset import Dataset, follow_levels, load_dataset
-from taxel.windows.joining import join_datasets
+from taxel.windows.dataset import Dataset, load_dataset
+from taxel.windows.joining import follow_apart, join_datasets
 from taxel.windows.rates import PAUSE_ROWS
 
 SHORT = 800
@@ -78,6 +78,8 @@ class Prepared:
     """Features that are fitted, of the folds that were asked for last."""
     measured: Prepared | None = None
     """The same windows as measured, where levels follow here."""
+    unseen: NDArray[np.bool_] | None = None
+    """Which trials of the data set nothing may be learned from, shape (trials,); None: none."""
     following: dict[str, Prepared] = field(default_factory=dict)
     """The same windows with levels that follow, as they were asked for."""
 
@@ -106,7 +108,8 @@ class Prepared:
             if text not in self.following:
                 self.following[text] = replace(
                     self, config=replace(self.config, level_follow=text),
-                    dataset=follow_levels(self.dataset, text), cache={}, computing=Lock(),
+                    dataset=follow_apart(self.dataset, text, self.unseen), cache={},
+                    computing=Lock(),
                     kernels=KeptKernels(), measured=self, following={},
                 )  # fmt: skip
             return self.following[text]
@@ -275,7 +278,9 @@ def prepare(base: Base, config: WindowConfig, span: int) -> Prepared:
         kept = kept[np.linspace(0, len(kept) - 1, min(len(kept), MOST_WINDOWS)).astype(int)]
     part = order * stride // max(1, span)
     _, stretch = np.unique(np.stack([trial, part]), axis=1, return_inverse=True)
-    return Prepared(config, dataset, trial, scored, kept, stretch.ravel().astype(np.intp))
+    unseen = np.isin(own, sorted(base.unseen))
+    return Prepared(config, dataset, trial, scored, kept, stretch.ravel().astype(np.intp),
+                    unseen=unseen if unseen.any() else None)  # fmt: skip
 
 
 def prepare_all(base: Base) -> list[Prepared]:
