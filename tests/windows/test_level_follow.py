@@ -193,7 +193,22 @@ def test_live_rest_between_touches_changes_nothing() -> None:
     assert live([[0.1, 0.1]] * 5, [0.0, 2.0, 4.0, 6.0, 8.0], None) == [1.0] * 5
 
 
-@pytest.mark.parametrize(("squares", "quietest"), [((-1.0,), 0.0), ((1.0,), -1.0)])
-def test_a_usual_level_below_nothing_is_refused(squares: tuple[float], quietest: float) -> None:
-    with pytest.raises(ValueError, match="below 0"):
+def test_a_channel_that_no_other_session_measured_begins_at_its_own_level() -> None:
+    """It would seem to be nearly silent at first, and be scaled up."""
+    found, usual = followed_factors(
+        windows([[1.0, 0.0], [1.0, 5.0], [1.0, 5.0]]), np.arange(3), trials("abb"), FOLLOW
+    )
+
+    assert usual.squares == pytest.approx((1.0, 25.0))
+    assert found.tolist() == [[1.0, 1.0]] * 3
+
+
+@pytest.mark.parametrize(
+    ("squares", "quietest"),
+    [((-1.0,), 0.0), ((1.0,), -1.0), ((1.0, np.nan), 0.0), ((1e300,), 0.0), ((1.0,), np.inf)],
+)
+def test_a_usual_level_that_no_values_have_is_refused(
+    squares: tuple[float, ...], quietest: float
+) -> None:
+    with pytest.raises(ValueError, match="below 0, or beyond"):
         UsualLevel(squares=squares, quietest=quietest)

@@ -33,6 +33,7 @@ percentile of training windows reach: without a gate, windows at rest come too. 
 0061."""
 _SEED = 0
 _LARGEST = 10**6
+_LARGEST_SQUARE = float(np.finfo(np.float32).max) ** 2
 _SHOWN = 60
 """Characters of a text that messages show."""
 
@@ -59,8 +60,9 @@ class UsualLevel:
     windows at rest do not."""
 
     def __post_init__(self) -> None:
-        if not (min(self.squares, default=0.0) >= 0 and self.quietest >= 0):
-            raise ValueError("a usual level below 0")
+        possible = all(0 <= own <= _LARGEST_SQUARE for own in self.squares)
+        if not (possible and 0 <= self.quietest < np.inf):
+            raise ValueError("a usual level below 0, or beyond what 32 bits hold")
 
     @property
     def array(self) -> NDArray[np.float64]:
@@ -178,8 +180,8 @@ def followed_factors(
         before = learned.array
         if usual is None:
             own = random.permutation(own)
-            others = np.delete(logs, place, axis=0)
-            before = _mean_of_logs(others if len(others) else logs)
+            others = _mean_of_logs(np.delete(logs, place, axis=0))
+            before = np.where(others > 0, others, before)  # what no other session measured
         else:
             own = np.array(sorted(own, key=lambda i: _time_of(trials[i])), np.intp)
         past = np.cumsum(each[own], axis=0) - each[own]
