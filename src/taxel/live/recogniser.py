@@ -166,16 +166,18 @@ class Recogniser:
             if self._level is not None:
                 window = replace(measured, values=measured.values * self._level.factor)
             found, novelty = self.bundle.recognise(window.values, window.mask)
+            quality = Quality.of(window, 0, self.bundle.contract.motion)
             decision = decide(
                 found,
-                Quality.of(window, 0, self.bundle.contract.motion),
+                quality,
                 self.bundle.contract.classes,
                 self._config,
                 novelty,
                 self.bundle.novelty_test,
             )
             answers.append(Answer(decision, window, cutting_s + perf_counter() - began))
-            if learning is not None:  # for the next touch: this answer need not wait for it
+            # For the next touch: this answer need not wait for it. A hung array shows no level.
+            if learning is not None and not quality.frozen:
                 learning.add(measured)
         return answers
 

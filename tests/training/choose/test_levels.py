@@ -165,6 +165,21 @@ def test_live_follows_as_a_score_of_recordings_does(
     np.testing.assert_allclose(found, offline, atol=1e-5)
 
 
+def test_an_array_that_repeats_one_scan_shows_no_level(bundle: Path, drifting: Path) -> None:
+    """Its session would be at the level of that scan for long."""
+    recording = read_recording(drifting / "s0.mcap")
+    recogniser = Recogniser(read_bundle(bundle), recording.manifest.sensor)
+    first = np.zeros(len(recording.samples), np.intp)
+    hung = replace(recording.samples, values=recording.samples.values[first])
+    answers = recogniser.push(hung)
+    level = recogniser.level()
+
+    assert answers
+    assert all("repeat one scan" in answer.decision.reason for answer in answers)
+    assert level is not None
+    assert level.touches == 0
+
+
 def test_of_a_folder_recordings_of_one_session_share_a_level(bundle: Path) -> None:
     contract = read_bundle(bundle).contract
     levels = SessionLevels(contract)
@@ -223,6 +238,7 @@ def test_live_prints_where_the_level_stands(
     main(["live", str(bundle), source, "--json"])
     (result,) = json.loads(capsys.readouterr().out)
     main(["live", str(bundle), source])
+    main(["info", str(bundle)])
     printed = " ".join(capsys.readouterr().out.split())
 
     level = result["level"]
@@ -232,6 +248,7 @@ def test_live_prints_where_the_level_stands(
         f"levels followed over {TOUCHES - 1} touches: channels stand at {level['least']:.2f} to "
         f"{level['most']:.2f} of the usual level"
     ) in printed
+    assert "at 100 scans/s, levels followed (session:10)" in printed
 
 
 def test_a_contract_keeps_the_usual_level_and_refuses_one_that_does_not_fit(bundle: Path) -> None:

@@ -47,6 +47,7 @@ def changed_window(window: WindowConfig, words: Mapping[str, str]) -> WindowConf
     if "steps" in changes:
         changes.setdefault("stride", changes["steps"])
     _check_layout(window, changes)
+    _check_levels(window, changes)
     return replace(window, **changes)
 
 
@@ -57,6 +58,16 @@ def _check_layout(window: WindowConfig, changes: Mapping[str, Any]) -> None:
         raise BadInput("a gate for layout A", "none", "give one with --window gate=1.55")
     if changes.get("wavelet", window.wavelet) is not None:
         raise BadInput("layout B for a wavelet", "layout A", "leave one of them out")
+
+
+def _check_levels(window: WindowConfig, changes: Mapping[str, Any]) -> None:
+    if changes.get("level_follow", window.level_follow) is None:
+        return
+    if changes.get("layout", window.layout) == "A":
+        raise BadInput("layout B for levels that follow", "layout A", "leave one of them out")
+    if (reference := changes.get("reference", window.reference)) is not None:
+        raise BadInput("no reference touches beside levels that follow", repr(reference),
+                       "add reference=none, or leave level= out")  # fmt: skip
 
 
 def _count(option: str, text: str) -> int:

@@ -61,6 +61,8 @@ def _array_lines(contract: arrays.Contract) -> dict[str, str]:
     window, units = contract.window, ", ".join(dict.fromkeys(contract.units))
     rate = contract.rate_hz if window.grid_hz is None else window.grid_hz
     touches = ", after reference touches" if contract.reference is not None else ""
+    if window.level_follow is not None:
+        touches = f", levels followed ({visible(window.level_follow)})"
     return {
         "predicts": _classes(contract.target, contract.classes),
         "from": f"{number_of(len(contract.channels), 'channel')} in {visible(units)}, windows of "
