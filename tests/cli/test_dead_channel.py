@@ -100,7 +100,9 @@ def test_an_array_that_repeats_one_scan_is_unknown_live_and_in_a_score(
     scored = json.loads(capsys.readouterr().out)
 
     outage = result["outages"][0]
-    assert outage["reason"] == "all channels repeat one scan: the array has stopped"
+    assert outage["reason"] == (
+        "all channels repeat one scan: the array has stopped, or rests without noise"
+    )
     assert outage["end_s"] is None
     assert scored["unknown"] >= 0.5
     assert scored["unknown_because"].get(outage["reason"]) == 8 * 25

@@ -149,7 +149,7 @@ def _fault(probabilities: NDArray[np.float32], quality: Quality, config: Recogni
     if quality.saturated > config.most_saturated:
         return "a channel stands at the converter's limit"
     if quality.frozen:
-        return "all channels repeat one scan: the array has stopped"
+        return "all channels repeat one scan: the array has stopped, or rests without noise"
     return ""
 
 
