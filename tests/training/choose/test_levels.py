@@ -21,8 +21,11 @@ from taxel.recordings.imports.importing import ImportRow, import_rows
 from taxel.recordings.reader import read_recording
 from taxel.training.choose.base import Base, load_base
 from taxel.training.choose.budget import Budget
+from taxel.training.choose.candidates import discriminant
 from taxel.training.choose.inner_folds import Held
+from taxel.training.choose.kept_tries import KeptTries
 from taxel.training.choose.levels import FEWEST_TOUCHES, level_to_follow
+from taxel.training.choose.part import training_part
 from taxel.training.choose.preparations import prepare_all
 from taxel.training.choose.search import Effort, choose
 from taxel.training.final import train_on_all
@@ -300,6 +303,22 @@ def test_what_a_table_keeps_back_has_no_part_in_the_usual_level(
     assert found.dataset.to_level[train].tolist() == alone.to_level.tolist()
     assert found.dataset.to_level[test].tolist() == scored.to_level[test].tolist()
     assert found.dataset.trials == scored.trials
+
+
+def test_a_try_at_other_levels_is_not_taken_up(drifting: Path, tmp_path: Path) -> None:
+    """The same windows of the same trials, of which others are kept back this time."""
+    base = base_of(drifting)
+    train, test = kept_back(base)
+    kept, candidate = KeptTries(tmp_path / "tries", {}), discriminant("all", 0.5)
+    folds = np.arange(len(train), dtype=np.intp) % 2
+    here, there = (
+        training_part(own, prepare_all(own)[0].followed("session:10"), train, folds, ordered=False)
+        for own in (base, replace(base, unseen=frozenset(test)))
+    )
+    kept.keep(here, candidate, (), np.zeros((int(here.scored.sum()), here.classes)), 1.0)
+
+    assert kept.find(here, candidate, ())[0] is not None
+    assert kept.find(there, candidate, ())[0] is None
 
 
 def test_trials_kept_back_do_not_lower_how_many_windows_a_usual_trial_has(drifting: Path) -> None:

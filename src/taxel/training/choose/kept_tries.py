@@ -104,6 +104,8 @@ class KeptTries:
             blocks,
         ]
         digest.update(json.dumps(about, sort_keys=True, default=str).encode())
-        for array in (part.windows, part.fold, part.y, part.scored):
+        levels = prepared.dataset.to_level
+        arrays = (part.windows, part.fold, part.y, part.scored)
+        for array in (*arrays, *(() if levels is None else (levels,))):
             digest.update(np.ascontiguousarray(array).tobytes())
         return self._folder / f"{digest.hexdigest()[:32]}.npz"
