@@ -203,12 +203,12 @@ def test_without_a_gate_a_live_touch_has_as_many_windows_as_a_usual_trial(bundle
     assert follower is not None
     assert contract.usual is not None
     loud = np.sqrt(contract.usual.array)[None, None].astype(np.float32)
-    one = Windows(loud, np.ones((1, 1), bool), np.ones(1, np.float32), np.zeros(1, np.float32),
+    window = Windows(loud, np.ones((1, 1), bool), np.ones(1, np.float32), np.zeros(1, np.float32),
                   np.zeros(1), np.zeros(1))  # fmt: skip
     ended = []
     for _ in range(MOST_JOINED + 5):
-        follower.begin(one)
-        follower.add(one)
+        follower.begin(window)
+        follower.add(window)
         ended.append(follower.touches)
 
     assert ended == [0] * (MOST_JOINED + 4) + [1]
