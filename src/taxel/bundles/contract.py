@@ -160,6 +160,21 @@ def learned_too(contract: Contract, recordings: Collection[str], windows: bytes)
     return replace(contract, learned=tuple(sorted(known)), data_digest=digest.hexdigest())
 
 
+def holding(contract: Contract) -> Contract:
+    """Return a contract whose levels stay at the usual one; its accuracy is not known then.
+
+    Raises:
+        BadBundle: Its levels are not followed.
+    """
+    if contract.window.level_follow is None:
+        raise BadBundle(
+            "a run whose sessions' levels are followed, to hold the level of",
+            "one as measured", "leave --hold-level out",
+        )  # fmt: skip
+    window = replace(contract.window, level_follow=None)
+    return replace(contract, window=window, usual=None, accuracy={})
+
+
 def following(contract: Contract, follow_s: float) -> Contract:
     """Return the contract with a gate that follows each channel's rest and noise.
 

@@ -33,6 +33,7 @@ from taxel.training.choose.costs import quietest_us
 from taxel.training.choose.fit_choice import fit_choice
 from taxel.training.choose.inner_folds import Held, what_is_held
 from taxel.training.choose.kept_tries import KeptTries
+from taxel.training.choose.levels import level_note
 from taxel.training.choose.limits import USUAL_LIMITS, Fitted, Limits, fit_within
 from taxel.training.choose.preparations import Prepared, live_note, prepare, prepare_all
 from taxel.training.choose.search import Effort, SearchResult, choose
@@ -242,8 +243,8 @@ def _within(
     return Expert(
         run=run, choice=fitted.choice, nested=nested, measured=measured,
         given_up=fitted.given_up,
-        notes=(*base.notes, *learned.notes, *live_note(base, learned.config), *over,
-               *worse_than_judged(fitted.choice, nested)),
+        notes=(*base.notes, *learned.notes, *live_note(base, learned.config),
+               *level_note(learned.config), *over, *worse_than_judged(fitted.choice, nested)),
     )  # fmt: skip
 
 

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.bundles.contract import MOST_JOINED, contract_from_json, contract_to_json
+from taxel.bundles.contract import MOST_JOINED, contract_from_json, contract_to_json, holding
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.recordings import load_at_level
+from taxel.cli.live.arrays import MANY_TOUCHES, _summary_lines
 from taxel.cli.main import main
 from taxel.errors import BadBundle
 from taxel.evaluation.expert import Task, learned_windows, read_and_part
@@ -24,7 +25,7 @@ from taxel.training.choose.budget import Budget
 from taxel.training.choose.candidates import discriminant
 from taxel.training.choose.inner_folds import Held
 from taxel.training.choose.kept_tries import KeptTries
-from taxel.training.choose.levels import FEWEST_TOUCHES, level_to_follow
+from taxel.training.choose.levels import FEWEST_TOUCHES, level_note, level_to_follow
 from taxel.training.choose.part import training_part
 from taxel.training.choose.preparations import prepare_all
 from taxel.training.choose.search import Effort, choose
@@ -252,6 +253,37 @@ def test_live_prints_where_the_level_stands(
         f"{level['most']:.2f} of the usual level"
     ) in printed
     assert "at 100 scans/s, levels followed (session:10)" in printed
+
+
+def test_a_bundle_may_hold_the_usual_level(
+    bundle: Path, drifting: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its accuracy is not known then; values are as measured, for `evaluate` and `live` alike."""
+    held = tmp_path / "held.taxel"
+    main(["bundle", str(bundle.parent / "run"), "--output", str(held), "--hold-level"])
+    contract = read_bundle(held).contract
+
+    assert (contract.window.level_follow, contract.usual, contract.accuracy) == (None, None, {})
+    assert load_at_level(drifting, contract).to_level is None
+    with pytest.raises(BadBundle, match="levels are followed"):
+        holding(contract)
+
+
+def test_training_says_what_levels_need_and_live_warns_of_a_session_of_one_answer() -> None:
+    result = {
+        "marked": 0, "grasps_without": 0, "filled": 0, "gate_moves": [], "still_channels": [],
+        "rate_changes": [], "outages": [], "windows": 0, "answers": {"hard": 9, "soft": 1},
+        "level": {"touches": MANY_TOUCHES, "least": 0.5, "most": 2.0}, "warning": None,
+    }  # fmt: skip
+    mixed = result | {"answers": {"hard": 8, "soft": 2}}
+    few = result | {"level": {"touches": MANY_TOUCHES - 1, "least": 0.5, "most": 2.0}}
+
+    assert any("90% of the answers are hard" in line for line, _ in _summary_lines(result))
+    for fine in (mixed, few):
+        assert not any("--hold-level" in line for line, _ in _summary_lines(fine))
+    (note,) = level_note(WindowConfig(level_follow="session:10"))
+    assert "--hold-level" in note
+    assert level_note(WindowConfig()) == ()
 
 
 def test_a_contract_keeps_the_usual_level_and_refuses_one_that_does_not_fit(bundle: Path) -> None:

@@ -41,6 +41,9 @@ class Bundle:
     follow: float | None = None
     """Live, let each channel's contact gate follow its rest and noise over this many
     seconds, and report each change; as the run was trained unless given."""
+    hold_level: bool = False
+    """Keep the usual level, where training found that sessions' levels be followed: for
+    sessions in which one thing is touched again and again."""
     board: Literal["mega"] | None = None
     """Also write C that predicts on the board itself: mega, the Arduino Mega 2560 (networks of the
     model cnn2d)."""
@@ -58,7 +61,7 @@ class Bundle:
 
     RULES: ClassVar = (
         Only(
-            ("data", "follow", "board", "test", "reference-mv"),
+            ("data", "follow", "hold-level", "board", "test", "reference-mv"),
             "a run to export",
             lambda o: o._exports(),
         ),
@@ -89,7 +92,7 @@ class Bundle:
 
     def _export(self, folder: Path, output: Path, signer: Signer | None) -> None:
         """Write a run as a bundle, or with --board as C too; print what it is and costs."""
-        from taxel.bundles.contract import following
+        from taxel.bundles.contract import following, holding
         from taxel.bundles.recordings import load_at_level
         from taxel.bundles.signing import fingerprint
         from taxel.bundles.trials import IN_RUN
@@ -97,8 +100,9 @@ class Bundle:
         from taxel.training.run import load_run
 
         if self.board is None and (folder / IN_RUN).is_file():
-            if self.follow is not None:
-                raise BadInput("a run of an array beside --follow", "one of camera trials",
+            if self.follow is not None or self.hold_level:
+                option = "--hold-level" if self.hold_level else "--follow"
+                raise BadInput(f"a run of an array beside {option}", "one of camera trials",
                                "leave it out")  # fmt: skip
             self._copy_trials(folder / IN_RUN, output, signer)
             return
@@ -113,6 +117,8 @@ class Bundle:
         bundle_contract = trained.contract
         if self.follow is not None:
             bundle_contract = following(bundle_contract, self.follow)
+        if self.hold_level:
+            bundle_contract = holding(bundle_contract)
         windows = load_at_level(data, bundle_contract).windows[:2000]
 
         def write(path: Path) -> Contract:

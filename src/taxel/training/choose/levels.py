@@ -14,6 +14,7 @@ from statistics import median
 from taxel.labels.trials import SESSIONS
 from taxel.training.choose.base import Base
 from taxel.training.choose.inner_folds import Held
+from taxel.windows.config import WindowConfig
 from taxel.windows.level_follow import TOUCHES
 
 FEWEST_SESSIONS = 3
@@ -47,3 +48,13 @@ def level_to_follow(base: Base, train: Sequence[int], held: Held) -> str | None:
         if mixed and len(counts) >= FEWEST_SESSIONS and median(counts.values()) >= FEWEST_TOUCHES:
             return f"{key}:{TOUCHES}"
     return None
+
+
+def level_note(config: WindowConfig) -> tuple[str, ...]:
+    """Return what whoever uses a recogniser must know whose levels follow; empty where none do."""
+    if config.level_follow is None:
+        return ()
+    return (
+        "each session's level is followed: its touches must be a mixture like those of training; "
+        "where one thing is touched again and again, write the bundle with --hold-level",
+    )
