@@ -120,6 +120,14 @@ def test_a_trial_without_the_group_is_refused() -> None:
                          LevelFollow(key="day", touches=1))  # fmt: skip
 
 
+def test_of_a_bundle_trials_that_name_no_session_are_one() -> None:
+    levels = [[2.0, 4.0], [2.0, 4.0]]
+    unnamed = [replace(trial, groups={}) for trial in trials("ab")]
+    found = followed_factors(windows(levels), np.arange(2), unnamed, FOLLOW, USUAL)[0]
+
+    assert found.tolist() == factors(levels, "aa").tolist()
+
+
 def test_a_factor_is_bounded_and_a_channel_that_gives_nothing_stays_as_it_is() -> None:
     found = factor_of(np.array([1.0, 1.0, 0.0, 1.0]), np.array([1e4, 1e-4, 5.0, 0.0]))
 

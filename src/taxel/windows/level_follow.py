@@ -152,9 +152,10 @@ def followed_factors(
         Factors of shape (trials, channels), and the usual level.
 
     Raises:
-        BadDataset: A trial lacks the group.
+        BadDataset: A trial to learn from lacks the group. Others that lack it are one session.
     """
-    if lacking := [own for own in trials if follow.key not in own.groups]:
+    lacking = [own for own in trials if follow.key not in own.groups]
+    if lacking and usual is None:
         raise BadDataset(
             f"the group {follow.key!r} on every trial, whose levels are followed",
             f"none on {lacking[0].groups.get('trial', lacking[0].recording)}",
@@ -168,7 +169,7 @@ def followed_factors(
     count = np.bincount(owner, minlength=len(trials))
     sums = [np.bincount(owner, own, minlength=len(trials)) for own in squares.T]
     each = np.stack(sums, axis=1) / np.maximum(count, 1)[:, None]
-    sessions = np.array([own.groups[follow.key] for own in trials])
+    sessions = np.array([own.groups.get(follow.key, "") for own in trials])
     names = sorted(set(sessions))
     touched = count > 0
     logs = np.stack([_log(each[(sessions == name) & touched]) for name in names])

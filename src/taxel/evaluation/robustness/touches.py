@@ -132,8 +132,8 @@ def judge(
 
     Raises:
         BadBundle: The model was not made for such an array.
-        BadDataset: A touch lacks the target, no touch is of a known kind, a session has too few
-            reference touches, or a touch does not name its session though levels are followed.
+        BadDataset: A touch lacks the target, no touch is of a known kind, or a session has
+            too few reference touches.
     """
     contract = model.contract
     number = {name: index for index, name in enumerate(contract.classes)}
