@@ -88,7 +88,7 @@ _SUMMARY = {
     "windows": 3, "filled": 1, "answers": {"cup": 3}, "marked": 2, "right": 1, "grasps": 1,
     "grasps_right": 1, "grasps_without": 0, "latency_us_median": 1.0,
     "latency_us_p99": 1.0, "target": "object", "gate_moves": [], "still_channels": [],
-    "actions": {}, "outages": [], "rate_changes": [],
+    "actions": {}, "outages": [], "level": None, "rate_changes": [],
 }  # fmt: skip
 ATTRIBUTES: dict[str, Any] = {
     "measured": {},

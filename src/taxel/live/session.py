@@ -30,6 +30,9 @@ _KEPT_LATENCIES = 10_000
 _KEPT_ANSWERS = 2_000
 """Answers kept until their mark comes, so that memory stays constant."""
 _NO_RULES = RuleTable(())
+MANY_TOUCHES, MOST_ALIKE = 20, 0.8
+"""From so many touches on, a session of which more than this share has one answer is warned of,
+where levels follow. Source: our choice, docs/decisions/0061."""
 
 
 @dataclass(slots=True)
@@ -195,10 +198,24 @@ class Tally:
                 asdict(change) | {"text": change.words()} for change in self.rate_changes
             ],
             "outages": [asdict(outage) | {"text": outage.words()} for outage in self.outages],
-            "level": None if self.level is None else asdict(self.level),
+            "level": self._level_summary(),
             "latency_us_median": float(np.median(latencies)),
             "latency_us_p99": float(np.percentile(latencies, 99)),
         }
+
+    def _level_summary(self) -> dict[str, Any] | None:
+        """Return where the level stands; with a warning where one answer is nearly all."""
+        if self.level is None:
+            return None
+        (most, count), *_ = self.answers.most_common(1) or [("", 0)]
+        share = count / max(1, self.windows)
+        alike = self.level.touches >= MANY_TOUCHES and share > MOST_ALIKE
+        warning = (
+            f"{share:.0%} of the answers are {most}, and levels follow a mixture of touches: where "
+            "one thing is touched again and again, use a bundle written with --hold-level"
+        )
+        words = {"text": self.level.words(), "warning": warning if alike else ""}
+        return asdict(self.level) | words
 
 
 Show = Callable[[Samples, list[Tally]], None]

@@ -1,6 +1,7 @@
 """Levels that follow: when they are tried, when they are chosen, and that live equals offline."""
 
 import json
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,14 +11,15 @@ import pytest
 from taxel.bundles.contract import MOST_JOINED, contract_from_json, contract_to_json, holding
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.recordings import load_at_level
-from taxel.cli.live.arrays import MANY_TOUCHES, _summary_lines
 from taxel.cli.main import main
+from taxel.decisions.recognition import GraspVote
 from taxel.errors import BadBundle
 from taxel.evaluation.expert import Task, learned_windows, read_and_part
 from taxel.evaluation.nested import check_choosing
 from taxel.evaluation.outer_split import OuterSplit
 from taxel.evaluation.table_split import GivenSplit
 from taxel.live.recogniser import Recogniser, SessionLevels, follower_of
+from taxel.live.session import MANY_TOUCHES, Tally
 from taxel.recordings.imports.importing import ImportRow, import_rows
 from taxel.recordings.reader import read_recording
 from taxel.training.choose.base import Base, load_base
@@ -35,6 +37,7 @@ from taxel.training.run import contract_of
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import follow_levels, load_dataset
 from taxel.windows.joining import follow_apart
+from taxel.windows.level_follow import LevelNow
 from taxel.windows.scaling import Scaling
 from taxel.windows.windower import Windows
 
@@ -269,18 +272,18 @@ def test_a_bundle_may_hold_the_usual_level(
         holding(contract)
 
 
-def test_training_says_what_levels_need_and_live_warns_of_a_session_of_one_answer() -> None:
-    result = {
-        "marked": 0, "grasps_without": 0, "filled": 0, "gate_moves": [], "still_channels": [],
-        "rate_changes": [], "outages": [], "windows": 0, "answers": {"hard": 9, "soft": 1},
-        "level": {"touches": MANY_TOUCHES, "least": 0.5, "most": 2.0}, "warning": None,
-    }  # fmt: skip
-    mixed = result | {"answers": {"hard": 8, "soft": 2}}
-    few = result | {"level": {"touches": MANY_TOUCHES - 1, "least": 0.5, "most": 2.0}}
+def test_training_says_what_levels_need_and_live_warns_of_a_session_of_one_answer(
+    bundle: Path,
+) -> None:
+    vote = GraspVote(("hard", "soft"), 1.0)
 
-    assert any("90% of the answers are hard" in line for line, _ in _summary_lines(result))
-    for fine in (mixed, few):
-        assert not any("--hold-level" in line for line, _ in _summary_lines(fine))
+    def warned(hard: int, touches: int) -> str:
+        tally = Tally("kind", vote, windows=10, answers=Counter(hard=hard, soft=10 - hard))
+        tally.level = LevelNow(touches=touches, least=0.5, most=2.0)
+        return str(tally.summary()["level"]["warning"])
+
+    assert warned(9, MANY_TOUCHES).startswith("90% of the answers are hard")
+    assert warned(8, MANY_TOUCHES) == warned(9, MANY_TOUCHES - 1) == ""
     (note,) = level_note(WindowConfig(level_follow="session:10"))
     assert "--hold-level" in note
     assert level_note(WindowConfig()) == ()

@@ -5,7 +5,7 @@ Knows nothing about cameras, pages, recordings or grippers: see `trials`, `grasp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,11 +26,6 @@ if TYPE_CHECKING:
     from taxel.live.session import Tally
     from taxel.signals import Samples
     from taxel.sources.contract import Source
-
-
-MANY_TOUCHES, MOST_ALIKE = 20, 0.8
-"""From so many touches on, a session of which more than this share has one answer is warned of,
-where levels follow. Source: our choice, docs/decisions/0061."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,7 +156,6 @@ def _trained_on_warning(bundle: Bundle, source: str) -> str | None:
 def _summary_lines(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield what stands below a bundle's counts of answers: each line and its style."""
     from taxel.windows.following import GateMove
-    from taxel.windows.level_follow import LevelNow
 
     yield from _accuracy_lines(result)
     if result["filled"]:
@@ -176,14 +170,9 @@ def _summary_lines(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for outage in result["outages"]:
         yield f"warning: {_outage_words(outage)}", "yellow"
     if result["level"] is not None:
-        yield LevelNow(**result["level"]).words(), ""
-        most, share = _commonest(result["answers"])
-        if result["level"]["touches"] >= MANY_TOUCHES and share > MOST_ALIKE:
-            yield (
-                f"warning: {share:.0%} of the answers are {most}, and levels follow a mixture of "
-                "touches: where one thing is touched again and again, use a bundle written with "
-                "--hold-level", "yellow",
-            )  # fmt: skip
+        yield result["level"]["text"], ""
+        if result["level"]["warning"]:
+            yield f"warning: {result['level']['warning']}", "yellow"
     if result["windows"]:
         times = (
             f"median {result['latency_us_median']:.0f} µs, p99 {result['latency_us_p99']:.0f} µs"
@@ -207,12 +196,6 @@ def _accuracy_lines(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
         )
     if result["warning"] is not None:
         yield f"warning: {result['warning']}", "yellow"
-
-
-def _commonest(answers: Mapping[str, int]) -> tuple[str, float]:
-    """Return the answer that was given most often, and its share of all, 0…1."""
-    most = max(answers, key=lambda name: answers[name])
-    return most, answers[most] / sum(answers.values())
 
 
 def _outage_words(outage: dict[str, Any]) -> str:
