@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
 from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote
 from taxel.live.recogniser import Answer
-from taxel.live.session import Tally
+from taxel.live.session import MANY_TOUCHES, Tally
 from taxel.signals import Mark
+from taxel.windows.level_follow import LevelNow
 from taxel.windows.windower import Windows
 
 CLASSES = ("ball", "block")
@@ -76,3 +79,14 @@ def test_what_was_grasped_before_has_no_vote_where_no_pause_parts_the_grasps():
     tally.compare(Mark(start_s=4.0, end_s=5.0, labels={"shape": "block"}))
     assert (tally.grasps, tally.grasps_right) == (2, 2)
     assert tally.grasp_answer[0] == "ball"  # what is shown knows no marks
+
+
+def test_a_session_of_one_answer_is_warned_of_where_levels_follow() -> None:
+    def warned(hard: int, touches: int) -> str:
+        answers = Counter(hard=hard, soft=10 - hard)
+        tally = Tally("kind", GraspVote(("hard", "soft"), 1.0), windows=10, answers=answers)
+        tally.level = LevelNow(touches=touches, least=0.5, most=2.0)
+        return str(tally.summary()["level"]["warning"])
+
+    assert warned(9, MANY_TOUCHES).startswith("90% of the answers are hard")
+    assert warned(8, MANY_TOUCHES) == warned(9, MANY_TOUCHES - 1) == ""
