@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from taxel.bench.rows import Row, missing, quietest, row, row_within
 from taxel.bundles.grasp import read_grasp_bundle
-from taxel.bundles.shipped import CUP_POUR, shipped_bundle
+from taxel.bundles.shipped import BOTH_GELS, CUP_POUR, shipped_bundle
 from taxel.evaluation.early_warning.events import by_group
 from taxel.evaluation.early_warning.learn_slip_warning import (
     PER_MIN,
@@ -203,6 +203,21 @@ def slip_warning_rows() -> list[Row]:
     render(place)
     test = rendered(place)
     return budget_row(test) + judge_rows(train, test)
+
+
+def both_gels_rows(
+    folder: Path | None = None, on_step: Callable[[str], None] = lambda _: None
+) -> list[Row]:
+    """Render what is missing, and judge the warning that was learned on both gels, on rigid ones.
+
+    Args:
+        folder: Where poses are kept.
+        on_step: Called with a line before each file that is rendered.
+    """
+    place = folder or poses_folder()
+    render(place, on_step)
+    warner = shipped_warner(BOTH_GELS)
+    return _rows("slip warning, both gels", warner, rendered(place), lead_s=0.35, goals=False)
 
 
 def judge_rows(

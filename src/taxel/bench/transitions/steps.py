@@ -58,6 +58,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("sim to real: gel features", lambda: sim_to_real("gel features", data)),
         ("sim to real: CycleGAN", lambda: sim_to_real_painted(data)),
         ("slip warning", slip_warning),
+        ("slip-both-gels on all cups", both_gels_warning),
         ("bound of warnings", bound_of_warnings),
         ("warnings on both gels", warnings_on_both_gels),
         ("other grasps on both gels", other_grasps_on_both_gels),
@@ -303,6 +304,13 @@ def slip_warning() -> list[Row]:
     from taxel.bench.transitions.slip_warning import slip_warning_rows
 
     return slip_warning_rows()
+
+
+def both_gels_warning() -> list[Row]:
+    """Warn of slip by what was learned on both gels, in the same images of rigid ones."""
+    from taxel.bench.transitions.slip_warning import both_gels_rows
+
+    return both_gels_rows()
 
 
 def bound_of_warnings() -> list[Row]:
