@@ -205,19 +205,12 @@ def slip_warning_rows() -> list[Row]:
     return budget_row(test) + judge_rows(train, test)
 
 
-def both_gels_rows(
-    folder: Path | None = None, on_step: Callable[[str], None] = lambda _: None
-) -> list[Row]:
-    """Render what is missing, and judge the warning that was learned on both gels, on rigid ones.
-
-    Args:
-        folder: Where poses are kept.
-        on_step: Called with a line before each file that is rendered.
-    """
-    place = folder or poses_folder()
-    render(place, on_step)
+def both_gels_rows() -> list[Row]:
+    """Render what is missing, and judge the warning that was learned on both gels, on rigid ones."""
+    place = poses_folder()
+    render(place)
     warner = shipped_warner(BOTH_GELS)
-    return _rows("slip warning, both gels", warner, rendered(place), lead_s=0.35, goals=False)
+    return _rows("slip warning, both gels", warner, rendered(place), lead_s=0.35, goals=True)
 
 
 def judge_rows(
