@@ -206,7 +206,7 @@ def slip_warning_rows() -> list[Row]:
 
 
 def both_gels_rows() -> list[Row]:
-    """Render what is missing, and judge the warning that was learned on both gels, on rigid ones."""
+    """Render what is missing, and judge what was learned on both gels, on rigid ones alone."""
     place = poses_folder()
     render(place)
     warner = shipped_warner(BOTH_GELS)
