@@ -13,7 +13,8 @@ from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo, Validity
 from taxel.windows.checks import nothing_usable
 from taxel.windows.config import WindowConfig
-from taxel.windows.dataset import load_dataset, recut
+from taxel.windows.dataset import load_dataset
+from taxel.windows.recut import recut
 from taxel.windows.stretches import whole_stretches
 
 INFO = SensorInfo(name="t", channels=("n", "x"), units=("V", "V"), rate_hz=100.0)

@@ -44,7 +44,7 @@ def windows(levels: list[list[float]]) -> Windows:
 def factors(levels: list[list[float]], sessions: str, usual: UsualLevel | None = USUAL
             ) -> NDArray[np.float32]:  # fmt: skip
     own = windows(levels)
-    return followed_factors(own, np.arange(len(own)), trials(sessions), FOLLOW, usual)[0]
+    return followed_factors(own, np.arange(len(own)), trials(sessions), FOLLOW, usual).learned_from
 
 
 @pytest.mark.parametrize("text", ["session", "session:", ":10", "session:0", "session:x", "a:-1",
@@ -86,13 +86,22 @@ def test_sessions_do_not_share_a_level() -> None:
 
 def test_in_training_the_own_session_has_no_part_in_where_it_begins() -> None:
     """Each session's first touch is brought to all sessions' level from that of the others."""
-    found, usual = followed_factors(
-        windows([[1.0, 1.0], [4.0, 4.0]]), np.arange(2), trials("ab"), FOLLOW
-    )
+    found = followed_factors(windows([[1.0, 1.0], [4.0, 4.0]]), np.arange(2), trials("ab"), FOLLOW)
 
-    assert usual.squares == pytest.approx((4.0, 4.0))
-    assert found[0].tolist() == pytest.approx([(4 / 16) ** 0.5] * 2)
-    assert found[1].tolist() == pytest.approx([2.0, 2.0])
+    assert found.usual.squares == pytest.approx((4.0, 4.0))
+    for own in (found.learned_from, found.tested):
+        assert own[0].tolist() == pytest.approx([(4 / 16) ** 0.5] * 2)
+        assert own[1].tolist() == pytest.approx([2.0, 2.0])
+
+
+def test_trials_are_tested_in_order_of_time_though_learned_from_at_random() -> None:
+    """As live; of a bundle nothing is learned, so that both are the same."""
+    rising = windows([[1.0 + 0.1 * i, 1.0 + 0.1 * i] for i in range(30)])
+    trained = followed_factors(rising, np.arange(30), trials("a" * 30), FOLLOW)
+    bundle = followed_factors(rising, np.arange(30), trials("a" * 30), FOLLOW, trained.usual)
+
+    assert trained.tested.tolist() == bundle.tested.tolist() == bundle.learned_from.tolist()
+    assert trained.learned_from.tolist() != trained.tested.tolist()
 
 
 def test_in_training_earlier_touches_are_drawn_at_random() -> None:
@@ -109,7 +118,7 @@ def test_in_training_earlier_touches_are_drawn_at_random() -> None:
 def test_windows_at_rest_and_those_that_cannot_be_used_show_no_level() -> None:
     own = windows([[2.0, 4.0], [0.1, 0.2], [2.0, 4.0], [2.0, 4.0]])
     own = replace(own, usable=np.array([1.0, 1.0, 0.5, 1.0], np.float32))
-    found = followed_factors(own, np.arange(4), trials("aaaa"), FOLLOW, USUAL)[0]
+    found = followed_factors(own, np.arange(4), trials("aaaa"), FOLLOW, USUAL).tested
 
     assert found[1:, 0].tolist() == pytest.approx([0.5**0.5] * 3)
 
@@ -123,7 +132,7 @@ def test_a_trial_without_the_group_is_refused() -> None:
 def test_of_a_bundle_trials_that_name_no_session_are_one() -> None:
     levels = [[2.0, 4.0], [2.0, 4.0]]
     unnamed = [replace(trial, groups={}) for trial in trials("ab")]
-    found = followed_factors(windows(levels), np.arange(2), unnamed, FOLLOW, USUAL)[0]
+    found = followed_factors(windows(levels), np.arange(2), unnamed, FOLLOW, USUAL).tested
 
     assert found.tolist() == factors(levels, "aa").tolist()
 
@@ -203,12 +212,12 @@ def test_live_rest_between_touches_changes_nothing() -> None:
 
 def test_a_channel_that_no_other_session_measured_begins_at_its_own_level() -> None:
     """It would seem to be nearly silent at first, and be scaled up."""
-    found, usual = followed_factors(
+    found = followed_factors(
         windows([[1.0, 0.0], [1.0, 5.0], [1.0, 5.0]]), np.arange(3), trials("abb"), FOLLOW
     )
 
-    assert usual.squares == pytest.approx((1.0, 25.0))
-    assert found.tolist() == [[1.0, 1.0]] * 3
+    assert found.usual.squares == pytest.approx((1.0, 25.0))
+    assert found.learned_from.tolist() == found.tested.tolist() == [[1.0, 1.0]] * 3
 
 
 @pytest.mark.parametrize(

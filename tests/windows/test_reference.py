@@ -15,7 +15,8 @@ from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo
 from taxel.training.run import contract_of
 from taxel.windows.config import WindowConfig
-from taxel.windows.dataset import load_dataset, recut
+from taxel.windows.dataset import load_dataset
+from taxel.windows.recut import recut
 from taxel.windows.reference import parse_reference, touch_level
 from taxel.windows.scaling import fit_scaling
 

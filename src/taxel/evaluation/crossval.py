@@ -95,7 +95,8 @@ def run_fold(
         steps=dataset.config.steps,
         validation=_watched(dataset, fold, y, test if watch else None),
     )
-    probabilities = fitted.probabilities(dataset.windows.values[test], dataset.windows.mask[test])
+    windows = dataset.tested(test)
+    probabilities = fitted.probabilities(windows.values, windows.mask)
     return FoldResult(
         fold.name, test, y[test], probabilities, fitted, history=tuple(fitted.history)
     )
@@ -110,7 +111,7 @@ def _watched(
     index = np.zeros(0, np.intp) if test is None else test[thinned(len(test))]
     if isinstance(fold, TrialFold) and fold.validation:
         index = fold.validation_windows(dataset)
-    return (dataset.windows[index], y[index]) if len(index) else None
+    return (dataset.tested(index), y[index]) if len(index) else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,8 @@ from taxel.models.library import Estimator
 from taxel.training.curves import Epoch
 from taxel.training.loop import Checkpoint, Labelled, TrainConfig, fit, new_network, predict
 from taxel.training.recipes import Recipe
-from taxel.windows.dataset import Dataset, recut
+from taxel.windows.dataset import Dataset
+from taxel.windows.recut import recut
 from taxel.windows.scaling import Scaling, ScalingKind, fit_scaling
 from taxel.windows.windower import Windows
 

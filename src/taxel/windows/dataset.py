@@ -69,6 +69,8 @@ class Dataset:
     """The level that all sessions were brought to; None where values are as measured."""
     to_level: NDArray[np.float32] | None = None
     """What each trial's values were multiplied by for that, shape (trials, channels)."""
+    tested_level: NDArray[np.float32] | None = None
+    """What they are multiplied by where a trial is tested, likewise; None: the same."""
     usual: UsualLevel | None = None
     """The level that each session's was followed from; None where levels are not followed."""
     missing: int = 0
@@ -114,8 +116,21 @@ class Dataset:
             trial=np.searchsorted(index, self.trial[own]).astype(np.intp),
             trials=trials,
             to_level=None if self.to_level is None else self.to_level[index],
+            tested_level=None if self.tested_level is None else self.tested_level[index],
             fingerprints={k: v for k, v in self.fingerprints.items() if k in names},
         )
+
+    def tested(self, index: NDArray[np.intp]) -> Windows:
+        """Return some windows as they are where their trials are tested.
+
+        Args:
+            index: Their places, shape (m,).
+        """
+        windows = self.windows[index]
+        if self.tested_level is None or self.to_level is None:
+            return windows
+        change = (self.tested_level / self.to_level)[self.trial[index]]
+        return replace(windows, values=windows.values * change[:, None, :])
 
     def class_numbers(self, target: str) -> NDArray[np.intp]:
         """Return each window's class as an index into `classes(target)`, shape (n,).
@@ -321,33 +336,13 @@ def follow_levels(dataset: Dataset, text: str | None, usual: UsualLevel | None =
     if text is None:
         return dataset
     windows, follow = dataset.windows, parse_level_follow(text)
-    factor, learned = followed_factors(windows, dataset.trial, dataset.trials, follow, usual)
+    found = followed_factors(windows, dataset.trial, dataset.trials, follow, usual)
+    factor = found.learned_from
     levelled = replace(windows, values=windows.values * factor[dataset.trial, None, :])
-    config = replace(dataset.config, level_follow=text)
-    return replace(dataset, windows=levelled, config=config, to_level=factor, usual=learned)
-
-
-def recut(path: Path, dataset: Dataset, stride: int, steps: int) -> Dataset:
-    """Return the same trials cut again, as for overlapping training windows.
-
-    Each trial is brought to the level that it has in `dataset`.
-
-    Args:
-        path: Where the data set was loaded from.
-        dataset: Its trials are kept, in their order.
-        stride: Rows from one window's start to the next.
-        steps: Rows in a window.
-    """
-    config = replace(dataset.config, stride=stride, steps=steps)
-    again = load_dataset(path, replace(config, reference=None, level_follow=None))
-    order = {(t.recording, t.start_s): i for i, t in enumerate(dataset.trials)}
-    index = np.array([order.get((t.recording, t.start_s), -1) for t in again.trials], np.intp)
-    owner = index[again.trial]
-    kept = owner >= 0
-    windows, owner = again.windows[kept], owner[kept]
-    if dataset.to_level is not None:
-        windows = replace(windows, values=windows.values * dataset.to_level[owner, None, :])
-    return replace(dataset, windows=windows, trial=owner, config=config)
+    return replace(
+        dataset, windows=levelled, config=replace(dataset.config, level_follow=text),
+        to_level=factor, tested_level=found.tested, usual=found.usual,
+    )  # fmt: skip
 
 
 def _stale(windows: Windows, samples: Samples, config: WindowConfig, sensor: SensorInfo) -> int:

@@ -93,12 +93,12 @@ def follow_apart(dataset: Dataset, text: str, unseen: NDArray[np.bool_] | None) 
     ]  # fmt: skip
     scored = follow_levels(replace(dataset, trials=tuple(trials)), text, learned.usual)
     assert scored.to_level is not None
-    assert learned.to_level is not None
-    factor = scored.to_level.copy()
-    factor[~unseen] = learned.to_level
+    assert scored.tested_level is not None
+    factor, tested = scored.to_level.copy(), scored.tested_level.copy()
+    factor[~unseen], tested[~unseen] = learned.to_level, learned.tested_level
     values = dataset.windows.values * factor[dataset.trial, None, :]
     return replace(
-        scored, trials=dataset.trials, to_level=factor,
+        scored, trials=dataset.trials, to_level=factor, tested_level=tested,
         windows=replace(dataset.windows, values=values),
     )  # fmt: skip
 

@@ -128,18 +128,30 @@ def factor_of(usual: NDArray[np.float64], level: NDArray[np.float64]) -> NDArray
     return np.asarray(np.clip(ratio, 1 / MOST_CHANGE, MOST_CHANGE), np.float32)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Followed:
+    """What each trial's channels are multiplied by."""
+
+    learned_from: NDArray[np.float32]
+    """Where models learn from the trial, shape (trials, channels)."""
+    tested: NDArray[np.float32]
+    """Where they are tested on it, likewise."""
+    usual: UsualLevel
+
+
 def followed_factors(
     windows: Windows,
     trial: NDArray[np.intp],
     trials: Sequence[Trial],
     follow: LevelFollow,
     usual: UsualLevel | None = None,
-) -> tuple[NDArray[np.float32], UsualLevel]:
+) -> Followed:
     """Return what each trial's channels are multiplied by, and the usual level.
 
     To learn from, each trial's earlier touches are some of its session drawn at random, so that
-    no model learns in which order a protocol goes through the classes, and its usual level is that
-    of the other sessions alone. Where the usual level is given, they are those before it in time.
+    no model learns in which order a protocol goes through the classes; tested, they are those
+    before it in time, as live. The usual level is that of the other sessions alone. Where the usual
+    level is given, nothing is learned: both are those before it in time.
 
     Args:
         windows: All of them, as measured.
@@ -147,9 +159,6 @@ def followed_factors(
         trials: All trials; one without a window that may be used shows no level.
         follow: How levels follow.
         usual: What a bundle learned; None to learn it.
-
-    Returns:
-        Factors of shape (trials, channels), and the usual level.
 
     Raises:
         BadDataset: A trial to learn from lacks the group. Others that lack it are one session.
@@ -175,20 +184,36 @@ def followed_factors(
     logs = np.stack([_log(each[(sessions == name) & touched]) for name in names])
     learned = _learned(logs, squares) if usual is None else usual
     random = np.random.default_rng(_SEED)
-    level = np.empty_like(each)
+    mixed, in_time = np.empty_like(each), np.empty_like(each)
     for place, name in enumerate(names):
         own = np.flatnonzero(sessions == name)
         before = learned.array
         if usual is None:
-            own = random.permutation(own)
             others = _mean_of_logs(np.delete(logs, place, axis=0))
             before = np.where(others > 0, others, before)  # what no other session measured
-        else:
-            own = np.array(sorted(own, key=lambda i: _time_of(trials[i])), np.intp)
-        past = np.cumsum(each[own], axis=0) - each[own]
-        number: NDArray[np.intp] = (np.cumsum(touched[own]) - touched[own])[:, None]
-        level[own] = (follow.touches * before + past) / (follow.touches + number)
-    return factor_of(learned.array, level), learned
+            drawn = random.permutation(own)
+            mixed[drawn] = _levels(each[drawn], touched[drawn], before, follow.touches)
+        own = np.array(sorted(own, key=lambda i: _time_of(trials[i])), np.intp)
+        in_time[own] = _levels(each[own], touched[own], before, follow.touches)
+    tested = factor_of(learned.array, in_time)
+    learned_from = factor_of(learned.array, mixed) if usual is None else tested
+    return Followed(learned_from=learned_from, tested=tested, usual=learned)
+
+
+def _levels(
+    each: NDArray[np.float64], touched: NDArray[np.bool_], before: NDArray[np.float64], weight: int
+) -> NDArray[np.float64]:
+    """Return a session's level at each of its touches, shape (touches, channels).
+
+    Args:
+        each: Their mean squares, in the order in which they come, likewise; 0 of those without any.
+        touched: Which show a level, shape (touches,).
+        before: Where the session begins, shape (channels,).
+        weight: How many touches that counts as much as.
+    """
+    past = np.cumsum(each, axis=0) - each
+    number: NDArray[np.intp] = (np.cumsum(touched) - touched)[:, None]
+    return np.asarray((weight * before + past) / (weight + number))
 
 
 def _learned(logs: NDArray[np.float64], squares: NDArray[np.float64]) -> UsualLevel:

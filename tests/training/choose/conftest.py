@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drifting_sessions import touches
 
 from taxel.recordings.imports.importing import ImportRow, import_rows
 
@@ -30,3 +31,9 @@ def _write_set(folder: Path) -> Path:
 @pytest.fixture(scope="session")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return _write_set(tmp_path_factory.mktemp("set"))
+
+
+@pytest.fixture(scope="session")
+def drifting(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return recordings of sessions whose channels' gains differ."""
+    return touches(tmp_path_factory.mktemp("drifting"), 0.3)

@@ -6,78 +6,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drifting_sessions import SESSIONS, TOUCHES, base_of, touches
 
 from taxel.bundles.contract import MOST_JOINED, contract_from_json, contract_to_json, holding
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.recordings import load_at_level
 from taxel.cli.main import main
 from taxel.errors import BadBundle
-from taxel.evaluation.expert import Task, learned_windows, read_and_part
 from taxel.evaluation.nested import check_choosing
 from taxel.evaluation.outer_split import OuterSplit
-from taxel.evaluation.table_split import GivenSplit
 from taxel.live.recogniser import Recogniser, SessionLevels, follower_of
-from taxel.recordings.imports.importing import ImportRow, import_rows
 from taxel.recordings.reader import read_recording
-from taxel.training.choose.base import Base, load_base
+from taxel.training.choose.base import Base
 from taxel.training.choose.budget import Budget
-from taxel.training.choose.candidates import discriminant
 from taxel.training.choose.inner_folds import Held
-from taxel.training.choose.kept_tries import KeptTries
 from taxel.training.choose.levels import FEWEST_TOUCHES, level_note, level_to_follow
-from taxel.training.choose.part import training_part
 from taxel.training.choose.preparations import prepare_all
 from taxel.training.choose.search import Effort, choose
-from taxel.training.final import train_on_all
-from taxel.training.recipes import find_recipe
-from taxel.training.run import contract_of
 from taxel.windows.config import WindowConfig
-from taxel.windows.dataset import follow_levels, load_dataset
-from taxel.windows.joining import follow_apart
-from taxel.windows.scaling import Scaling
 from taxel.windows.windower import Windows
-
-SESSIONS, TOUCHES, ROWS = 6, 40, 20
-
-
-def touches(folder: Path, spread: float) -> Path:
-    """Write sessions of touches of a soft and a hard thing, 1.5 s apart; channels' gains differ.
-
-    Hard is 1.4 times soft on the first channel: what a gain of another session hides.
-    """
-    rng = np.random.default_rng(5)
-    spans, files = ["file,start_s,end_s,label:kind"], []
-    for session in range(SESSIONS):
-        gain = np.exp(rng.normal(0.0, spread, 2))
-        rows = ["t,a,b"]
-        for number in range(TOUCHES):
-            hard = int(rng.integers(0, 2))
-            level = np.array([1.4 if hard else 1.0, 1.0]) * gain * rng.normal(1.0, 0.05)
-            values = level * (1.0 + rng.normal(0.0, 0.02, (ROWS, 2)))
-            start = number * 1.5
-            rows += [f"{start + 0.01 * i:.2f},{x:.4f},{y:.4f}" for i, (x, y) in enumerate(values)]
-            kind = ("soft", "hard")[hard]
-            spans.append(f"s{session},{start:.3f},{start + 0.2:.3f},{kind}")
-        files.append(folder / f"s{session}.csv")
-        files[-1].write_text("\n".join(rows) + "\n")
-    import_rows(
-        [ImportRow(file=file, labels={}, groups={"session": file.stem, "day": f"d{place // 3}"},
-                   time="t[s]", sensor="pad", channels="a[V] b[V]")
-         for place, file in enumerate(files)], folder / "raw",
-    )  # fmt: skip
-    (folder / "spans.csv").write_text("\n".join(spans) + "\n")
-    main(["label", str(folder / "raw"), "--intervals", str(folder / "spans.csv"), "--output",
-          str(folder / "recordings")])  # fmt: skip
-    return folder / "recordings"
-
-
-@pytest.fixture(scope="module")
-def drifting(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return touches(tmp_path_factory.mktemp("drifting"), 0.3)
-
-
-def base_of(folder: Path) -> Base:
-    return load_base(folder, "kind")
 
 
 def quick() -> Effort:
@@ -98,6 +45,29 @@ def test_levels_are_followed_where_gains_of_sessions_hide_the_label(drifting: Pa
 
 def test_levels_are_not_followed_where_sessions_are_alike(tmp_path: Path) -> None:
     assert chosen(base_of(touches(tmp_path, 0.0))) is None
+
+
+def test_levels_are_not_followed_where_sessions_go_through_their_classes_in_turn(
+    tmp_path: Path,
+) -> None:
+    """Live, the level of the hard touches before them would make the soft ones hard."""
+    folder = touches(tmp_path, 0.1, in_turn=True)
+
+    assert chosen(base_of(folder)) is None
+
+
+def test_held_out_trials_are_tested_in_order_of_time(drifting: Path) -> None:
+    dataset = prepare_all(base_of(drifting))[0].followed("session:10").dataset
+    index = np.arange(len(dataset), dtype=np.intp)
+    assert dataset.to_level is not None
+    assert dataset.tested_level is not None
+    measured = dataset.windows.values / dataset.to_level[dataset.trial, None, :]
+
+    np.testing.assert_allclose(
+        dataset.tested(index).values, measured * dataset.tested_level[dataset.trial, None, :],
+        rtol=1e-5,
+    )  # fmt: skip
+    assert not np.allclose(dataset.to_level, dataset.tested_level)
 
 
 def test_levels_of_few_or_short_sessions_of_objects_or_of_nothing_are_not_tried(
@@ -292,96 +262,3 @@ def test_a_contract_keeps_the_usual_level_and_refuses_one_that_does_not_fit(bund
         assert old in text
         with pytest.raises(BadBundle):
             contract_from_json(text.replace(old, new))
-
-
-def kept_back(base: Base) -> tuple[list[int], list[int]]:
-    """Return the trials of the first four sessions, and those of the others."""
-    last = [trial.groups["session"] in ("s4", "s5") for trial in base.trials]
-    return [i for i, own in enumerate(last) if not own], [i for i, own in enumerate(last) if own]
-
-
-def test_what_a_table_keeps_back_has_no_part_in_the_usual_level(
-    drifting: Path, tmp_path: Path
-) -> None:
-    """And is followed as where a bundle is scored: in time, from that level."""
-    table = tmp_path / "folds.csv"
-    sides = ("train", "train", "train", "train", "test", "test")
-    table.write_text(
-        "group:session,side\n" + "".join(f"s{i},{own}\n" for i, own in enumerate(sides))
-    )
-    split = OuterSplit(given=GivenSplit(table=table))
-    base, _ = read_and_part(Task(data=drifting, target="kind", split=split))
-    train, test = kept_back(base)
-    found = prepare_all(base)[0].followed("session:10")
-    alone = follow_levels(found.plain.dataset.only_trials(train), "session:10")
-    config = replace(found.plain.dataset.config, level_follow="session:10")
-    scored = load_dataset(drifting, config, target="kind", usual=alone.usual)
-
-    assert found.dataset.usual == alone.usual
-    assert found.dataset.to_level is not None
-    assert alone.to_level is not None
-    assert scored.to_level is not None
-    assert found.dataset.to_level[train].tolist() == alone.to_level.tolist()
-    assert found.dataset.to_level[test].tolist() == scored.to_level[test].tolist()
-    assert found.dataset.trials == scored.trials
-
-
-def test_a_try_at_other_levels_is_not_taken_up(drifting: Path, tmp_path: Path) -> None:
-    """The same windows of the same trials, of which others are kept back this time."""
-    base = base_of(drifting)
-    train, test = kept_back(base)
-    kept, candidate = KeptTries(tmp_path / "tries", {}), discriminant("all", 0.5)
-    folds = np.arange(len(train), dtype=np.intp) % 2
-    here, there = (
-        training_part(own, prepare_all(own)[0].followed("session:10"), train, folds, ordered=False)
-        for own in (base, replace(base, unseen=frozenset(test)))
-    )
-    kept.keep(here, candidate, (), np.zeros((int(here.scored.sum()), here.classes)), 1.0)
-
-    assert kept.find(here, candidate, ())[0] is not None
-    assert kept.find(there, candidate, ())[0] is None
-
-
-def test_trials_kept_back_do_not_lower_how_many_windows_a_usual_trial_has(drifting: Path) -> None:
-    """More than half of them, here."""
-    base = base_of(drifting)
-    learned = learned_windows(base, prepare_all(base)[0], range(20, 25))
-    none = np.zeros(2, np.float32)
-    scaling = Scaling(kind="none", offset=none, factor=none + 1)
-
-    assert contract_of(learned, "kind", "any", (), scaling, {}).trial_windows > 0
-
-
-def test_a_session_of_the_other_folder_is_none_of_the_first_ones(drifting: Path) -> None:
-    """Though both call it alike: its first touch is at the usual level."""
-    base = base_of(drifting)
-    _, test = kept_back(base)
-    groups = {"session": "s0"}
-    trials = [replace(own, recording=f"test/{own.recording}", groups={**own.groups, **groups})
-              if own.groups["session"] == "s5" else own for own in base.trials]  # fmt: skip
-    dataset = replace(base.dataset, trials=tuple(trials))
-    unseen = np.isin(np.arange(len(trials)), test)
-    found = follow_apart(dataset, "session:10", unseen)
-
-    assert found.to_level is not None
-    assert found.to_level[test[TOUCHES]].tolist() == [1.0, 1.0]
-    assert found.to_level[test[-1]].tolist() != [1.0, 1.0]
-    assert found.trials == tuple(trials)
-
-
-def test_what_a_recipe_keeps_back_has_no_part_in_the_usual_level(
-    drifting: Path, tmp_path: Path
-) -> None:
-    recipe = find_recipe("teng")
-    window = WindowConfig(steps=20, stride=20, gate=None, grid_hz=None, level_follow="session:10")
-    training = replace(recipe.train, epochs=1)
-    recipe = replace(recipe, model="cnn1d", target="kind", window=window, train=training)
-    train, _ = kept_back(base_of(drifting))
-    run = train_on_all(drifting, recipe, checkpoints=tmp_path / "checkpoints",
-                       part=lambda dataset: dataset.only_trials(train))  # fmt: skip
-    measured = load_dataset(drifting, replace(window, level_follow=None), target="kind")
-    alone = follow_levels(measured.only_trials(train), "session:10")
-
-    assert run.contract.usual == alone.usual
-    assert run.contract.window.level_follow == "session:10"
-    assert run.contract.trial_windows == 1

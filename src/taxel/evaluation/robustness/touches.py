@@ -206,12 +206,12 @@ def _cut(
     trials = [trial for touch in touches for trial in touch.trials]
     first = np.cumsum([0, *(len(touch.trials) for touch in touches)])
     inside = [owner >= 0 for _, _, owner in found]
-    factor, _ = followed_factors(
+    factor = followed_factors(
         Windows.join([windows[own] for (_, windows, _), own in zip(found, inside, strict=True)]),
         np.concatenate([owner[own] + start for (_, _, owner), own, start
                         in zip(found, inside, first[:-1], strict=True)]),
         trials, parse_level_follow(text), contract.usual,
-    )  # fmt: skip
+    ).tested  # fmt: skip
     return [
         (touch, replace(windows, values=windows.values * factor[owner + start, None, :]), owner)
         for (touch, windows, owner), start in zip(found, first[:-1], strict=True)

@@ -7,7 +7,7 @@ learned; trivial scores beside. Knows nothing about screens.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +84,7 @@ def find_unknown(
     """
     if not np.any((kinds != "") & (kinds != "-")):
         raise BadDataset("trials that are not learned", "none", "name values that the labels have")
-    known = _subset(dataset, kinds == "")
+    known = dataset.only_trials(np.flatnonzero(kinds == "").tolist())
     if (left := len(known.classes(config.target))) < 2:
         raise BadDataset("two or more classes to learn", f"{left}", "name fewer with --never")
     key = config.group or coarsest_group(known.trials)
@@ -133,17 +133,6 @@ def leave_each_out(
     return results, refused
 
 
-def _subset(dataset: Dataset, trials: NDArray[np.bool_]) -> Dataset:
-    index = np.cumsum(trials) - 1
-    kept = trials[dataset.trial]
-    return replace(
-        dataset,
-        windows=dataset.windows[kept],
-        trial=index[dataset.trial[kept]].astype(np.intp),
-        trials=tuple(trial for trial, own in zip(dataset.trials, trials, strict=True) if own),
-    )
-
-
 def _one_fold(
     dataset: Dataset,
     known: NDArray[np.intp],
@@ -165,7 +154,7 @@ def _one_fold(
     train, test = (np.flatnonzero(own[dataset.trial]) for own in (training, tested))
     y = np.searchsorted(classes, labels[dataset.trial[train]])
     job = Job(model=config.model, target=config.target, train=config.train)
-    learned, windows = dataset.windows[train], dataset.windows[test]
+    learned, windows = dataset.windows[train], dataset.tested(test)
     fitted = fit_model(TrainingSet(learned, y, len(classes), dataset.sensor.full_scale), job)
     p = fitted.probabilities(windows.values, windows.mask)
     scaled = fitted.scaling.apply(windows.values, windows.mask)

@@ -122,12 +122,11 @@ def copies(choice: Choice) -> list[tuple[Member, int]]:
 def predict_blend(
     blend: nn.Module, prepared: Prepared, windows: NDArray[np.intp], classes: int
 ) -> NDArray[np.float64]:
-    """Return probabilities of some windows, shape (n, classes)."""
-    own = prepared.dataset.windows
+    """Return probabilities of some windows to test on, shape (n, classes)."""
     parts = [np.zeros((0, classes))]
     with torch.inference_mode():
         for start in range(0, len(windows), 256):
-            part = windows[start : start + 256]
-            logits = blend(torch.from_numpy(own.values[part]), torch.from_numpy(own.mask[part]))
+            own = prepared.dataset.tested(windows[start : start + 256])
+            logits = blend(torch.from_numpy(own.values), torch.from_numpy(own.mask))
             parts.append(torch.softmax(logits.double(), dim=1).numpy())
     return np.concatenate(parts)

@@ -104,8 +104,8 @@ class KeptTries:
             blocks,
         ]
         digest.update(json.dumps(about, sort_keys=True, default=str).encode())
-        levels = prepared.dataset.to_level
-        arrays = (part.windows, part.fold, part.y, part.scored)
-        for array in (*arrays, *(() if levels is None else (levels,))):
+        levels = prepared.dataset.to_level, prepared.dataset.tested_level
+        arrays = (part.windows, part.fold, part.y, part.scored, *levels)
+        for array in (own for own in arrays if own is not None):
             digest.update(np.ascontiguousarray(array).tobytes())
         return self._folder / f"{digest.hexdigest()[:32]}.npz"

@@ -141,8 +141,8 @@ def settle_norms(network: nn.Module, data: Labelled, batch: int = 256) -> None:
 def predict_network(
     network: ScaledNetwork, prepared: Prepared, windows: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """Return a trained network's logits of some windows, shape (n, classes)."""
-    own = prepared.dataset.windows[windows]
+    """Return a trained network's logits of some windows to test on, shape (n, classes)."""
+    own = prepared.dataset.tested(windows)
     with torch.inference_mode():
         parts = [network(torch.from_numpy(own.values[i : i + 512]),
                          torch.from_numpy(own.mask[i : i + 512])).double().numpy()

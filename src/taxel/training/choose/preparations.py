@@ -27,6 +27,7 @@ from taxel.windows.config import GATE_V, WindowConfig
 from taxel.windows.dataset import Dataset, load_dataset
 from taxel.windows.joining import follow_apart, join_datasets
 from taxel.windows.rates import PAUSE_ROWS
+from taxel.windows.windower import Windows
 
 SHORT = 800
 """Rows up to which a whole trial is the only window: a touch, not a session. Source: our choice,
@@ -73,6 +74,8 @@ class Prepared:
     stretch: NDArray[np.intp]
     """Shape (n,): which windows are joined before preparations are compared."""
     cache: dict[tuple[str, ...], NDArray[np.float32]] = field(default_factory=dict)
+    tested_cache: dict[tuple[str, ...], NDArray[np.float32]] = field(default_factory=dict)
+    """The same features where levels follow and trials are tested."""
     computing: Lock = field(default_factory=Lock)
     kernels: KeptKernels = field(default_factory=KeptKernels)
     """Features that are fitted, of the folds that were asked for last."""
@@ -109,7 +112,7 @@ class Prepared:
                 self.following[text] = replace(
                     self, config=replace(self.config, level_follow=text),
                     dataset=follow_apart(self.dataset, text, self.unseen), cache={},
-                    computing=Lock(),
+                    tested_cache={}, computing=Lock(),
                     kernels=KeptKernels(), measured=self, following={},
                 )  # fmt: skip
             return self.following[text]
@@ -128,10 +131,20 @@ class Prepared:
         """Return features of the kept windows, shape (kept, features); computed once."""
         with self.computing:
             if blocks not in self.cache:
-                windows = self.dataset.windows
-                own = windows.values[self.kept], windows.mask[self.kept]
-                self.cache[blocks] = compute_features(blocks, self.pads, *own, self.grids)
+                self.cache[blocks] = self._computed(blocks, self.dataset.windows[self.kept])
             return self.cache[blocks]
+
+    def tested_features(self, blocks: tuple[str, ...]) -> NDArray[np.float32]:
+        """Return the same of the windows as they are where their trials are tested."""
+        if self.dataset.tested_level is None:
+            return self.features(blocks)
+        with self.computing:
+            if blocks not in self.tested_cache:
+                self.tested_cache[blocks] = self._computed(blocks, self.dataset.tested(self.kept))
+            return self.tested_cache[blocks]
+
+    def _computed(self, blocks: tuple[str, ...], windows: Windows) -> NDArray[np.float32]:
+        return compute_features(blocks, self.pads, windows.values, windows.mask, self.grids)
 
     def fitted_features(
         self, learned: NDArray[np.intp], wanted: NDArray[np.intp], seed: int

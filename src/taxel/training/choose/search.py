@@ -45,6 +45,7 @@ from taxel.training.choose.inner_folds import (
 )
 from taxel.training.choose.joining import fit_joining
 from taxel.training.choose.kept_tries import KeptTries
+from taxel.training.choose.kernels import compute_kernels
 from taxel.training.choose.levels import level_to_follow
 from taxel.training.choose.network_folds import NetworkFolds
 from taxel.training.choose.part import Part, Tried, training_part
@@ -303,13 +304,20 @@ def out_of_fold(
     test: NDArray[np.bool_],
     seed: int,
 ) -> NDArray[np.float64]:
-    """Fit on some windows of a part and return logits of others."""
+    """Fit on some windows of a part and return logits of others, to test on."""
+    own = part.prepared
     if blocks == (KERNELS,):
-        features = part.prepared.fitted_features(part.windows[train], part.windows, seed)[1]
+        kernels, features = own.fitted_features(part.windows[train], part.windows, seed)
+        tested = features[test]
+        if own.dataset.tested_level is not None:
+            windows = own.dataset.tested(part.windows[test])
+            padded = own.config.pad
+            tested = compute_kernels(kernels, windows.values, windows.mask, padded=padded)
     else:
-        features = part.prepared.features(blocks)[part.rows]
+        features = own.features(blocks)[part.rows]
+        tested = own.tested_features(blocks)[part.rows[test]]
     head = fit_head(candidate, features[train], part.y[train], part.classes, seed)
-    return head_logits(head, features[test])
+    return head_logits(head, tested)
 
 
 @dataclass(frozen=True, slots=True)
