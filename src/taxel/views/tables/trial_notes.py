@@ -67,7 +67,7 @@ def trial_notes(trials: TrialSet) -> list[str]:
 
 
 def control_warnings(results: Sequence[TrialResult]) -> list[str]:
-    """Return a warning where a control is as good as the recogniser; empty otherwise.
+    """Return a warning where a control is as good as the recogniser, or better; empty otherwise.
 
     Args:
         results: Of the recogniser first; controls are those that leak.
@@ -80,8 +80,9 @@ def control_warnings(results: Sequence[TrialResult]) -> list[str]:
     if best.whole.accuracy >= ours.accuracy:
         constant = [r for r in controls if r.name == MAJORITY.name]
         classes = results[0].probabilities.shape[1]
+        compared = "is more accurate" if best.whole.accuracy > ours.accuracy else "is as accurate"
         found.append(
-            f"{best.name} is as accurate ({100 * best.whole.accuracy:.1f} %, taxel "
+            f"{best.name} {compared} ({100 * best.whole.accuracy:.1f} %, taxel "
             f"{100 * ours.accuracy:.1f} %): do not claim the recogniser's accuracy"
             + ("; it is not better than always naming the commonest class"
                f"{learned_note(ours.balanced, classes, 'trial')}"
@@ -89,8 +90,11 @@ def control_warnings(results: Sequence[TrialResult]) -> list[str]:
         )  # fmt: skip
     best = min(controls, key=lambda control: control.whole.loss)
     if best.whole.loss <= ours.loss:
+        compared = (
+            "has a lower log-loss" if best.whole.loss < ours.loss else "has as low a log-loss"
+        )
         found.append(
-            f"{best.name} has as low a log-loss ({best.whole.loss:.3f}, taxel {ours.loss:.3f}): "
+            f"{best.name} {compared} ({best.whole.loss:.3f}, taxel {ours.loss:.3f}): "
             "do not claim the recogniser's probabilities"
         )
     return found
