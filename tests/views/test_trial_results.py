@@ -20,7 +20,12 @@ from taxel.evaluation.camera_trials.crossval import (
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.training.camera_trials.image_network import find_image_network
-from taxel.views.tables.trial_notes import control_warnings, frames_note, trial_notes
+from taxel.views.tables.trial_notes import (
+    control_warnings,
+    frames_note,
+    one_class_note,
+    trial_notes,
+)
 from taxel.views.tables.trials import not_scored_line, trial_json, trial_tables, unknown_line
 from taxel.windows.trial_picture import look_at_picture
 
@@ -123,6 +128,22 @@ def test_short_trials_are_said_in_a_note() -> None:
     assert mixed is not None
     assert mixed.startswith("1 of 3 trials has 1 frame: of each trial, so that no length shows")
     assert frames_note([3, 3, 30], 3).startswith("2 of 3 trials have 3 frames")  # type: ignore[union-attr]
+
+
+def test_sessions_of_one_class_each_are_said() -> None:
+    """The audit says it too, but takes no single images. An object may well be of one class."""
+    sessions = [{"session": name} for name in ("a", "a", "b", "c")]
+    note = one_class_note(sessions, [0, 0, 1, 1], "load")
+    assert note is not None
+    assert note.startswith("each session holds trials of one class only")
+    assert one_class_note(sessions, [0, 1, 1, 1], "load") is None
+    assert (
+        one_class_note([{"object": own["session"]} for own in sessions], [0, 0, 1, 1], "load")
+        is None
+    )
+    assert one_class_note([{}, *sessions[1:]], [0, 0, 1, 1], "load") is None
+    assert one_class_note(sessions[:2], [0, 0], "load") is None
+    assert one_class_note(sessions, [0, 0, 1, 2], "session") is None
 
 
 def test_images_of_few_bits_in_files_of_sixteen_are_said_to_be_nearly_black() -> None:
