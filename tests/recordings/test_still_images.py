@@ -124,6 +124,9 @@ def test_folders_tell_files_of_one_name_apart() -> None:
 
 
 def test_a_trial_s_name_holds_the_folders_that_tell_it_apart(tmp_path: Path) -> None:
+    for name in ("a/1/l.avi", "a/1/r.avi", "a/2/l.avi", "a/2/r.avi"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
     table = tmp_path / "trials.csv"
     table.write_text("left,right\na/1/l.avi,a/1/r.avi\na/2/l.avi,a/2/r.avi\n")
     assert [row.name for row in read_video_rows(table, tmp_path)] == ["0001-1", "0002-2"]

@@ -80,6 +80,7 @@ def test_videos_are_held_to_the_same(folder):
 
     with pytest.raises(BadTable, match="which lies outside"):
         read_video_rows(path, folder)
+    (folder.parent / "own.avi").touch()
     assert read_video_rows(path, folder, outside=True)
 
 

@@ -138,10 +138,28 @@ def test_a_bad_table_is_refused(tmp_path: Path, text: str) -> None:
         read_video_rows(tmp_path / "table.csv", tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("cell", "mend"), [("b.png", "check the path"), ("*.png", "write a row for each trial")]
+)
+def test_a_file_that_is_not_there_is_named_with_its_line(
+    tmp_path: Path, cell: str, mend: str
+) -> None:
+    """Images are called images; a table of hundreds of rows shows where to look."""
+    (tmp_path / "a.png").touch()
+    (tmp_path / "table.csv").write_text(f"camera:gel,label:x\na.png,1\n{cell},2\n")
+    with pytest.raises(BadTable) as error:
+        read_video_rows(tmp_path / "table.csv", tmp_path)
+    assert error.value.needed == "a video, an image or a folder of images for each camera"
+    assert error.value.got.endswith("table.csv, line 3)")
+    assert error.value.mend.startswith(mend)
+
+
 def test_a_table_from_a_spreadsheet_is_read(tmp_path: Path) -> None:
     """With the mark that spreadsheets put first, and blank lines and columns at the end."""
     text = b"\xef\xbb\xbfleft,right,,\r\n,,,\r\na.avi,b.avi,,\r\n,,,\r\n\r\n"
     (tmp_path / "table.csv").write_bytes(text)
+    for name in ("a.avi", "b.avi"):
+        (tmp_path / name).touch()
     (row,) = read_video_rows(tmp_path / "table.csv", tmp_path)
     assert row.files == {"left": tmp_path / "a.avi", "right": tmp_path / "b.avi"}
 
@@ -149,6 +167,7 @@ def test_a_table_from_a_spreadsheet_is_read(tmp_path: Path) -> None:
 def test_the_tables_own_words_may_have_capitals(tmp_path: Path) -> None:
     """As in a table of arrays."""
     (tmp_path / "table.csv").write_text("Left,Label:Outcome,Rate\na.avi,slip,30\n")
+    (tmp_path / "a.avi").touch()
     assert names_videos(["Left"])
     (row,) = read_video_rows(tmp_path / "table.csv", tmp_path)
     assert (set(row.files), row.labels, row.rate_hz) == ({"left"}, {"Outcome": "slip"}, 30.0)

@@ -15,11 +15,17 @@ from taxel.evaluation.camera_trials.crossval import (
     TrialResult,
     judge_trials,
     rival,
+    rivals,
 )
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.training.camera_trials.image_network import find_image_network
-from taxel.views.tables.trial_notes import control_warnings, frames_note, trial_notes
+from taxel.views.tables.trial_notes import (
+    control_warnings,
+    frames_note,
+    one_class_note,
+    trial_notes,
+)
 from taxel.views.tables.trials import not_scored_line, trial_json, trial_tables, unknown_line
 from taxel.windows.trial_picture import look_at_picture
 
@@ -49,11 +55,12 @@ def test_reasons_of_unknown_are_counted_and_unlike_images_are_said() -> None:
         return Verdict(UNKNOWN if reason else "a", 0.9, np.array([0.9, 0.1]), 1.0, reason, 3)
 
     novel = [verdict(f"novel touch (novelty score {score}, limit 3.5)") for score in (3.7, 4.2)]
-    unsure, sure = verdict("confidence 0.40 is below 0.50"), verdict("")
+    unsure = [verdict(f"confidence {share} is below 0.50") for share in ("0.40", "0.25", "0.31")]
+    sure = verdict("")
     assert unknown_line([sure]) == ""
-    few = unknown_line([*novel, unsure, sure, sure, sure])
-    assert few == "UNKNOWN because of: novel touch (2), confidence 0.40 is below 0.50 (1)"
-    most = unknown_line([*novel, unsure, sure])
+    few = unknown_line([*novel, *unsure, sure, sure, sure])
+    assert few == "UNKNOWN because of: confidence is below 0.50 (3), novel touch (2)"
+    most = unknown_line([*novel, unsure[0], sure])
     assert "the first: novelty score 3.7, limit 3.5" in most
     assert "how videos are compressed" in most
 
@@ -75,7 +82,7 @@ def scored(name: str, accuracy: float, loss: float, leaks: str = "sees nothing")
         (0.7, 0.7, []),
         (0.8, 0.7, ["still is as accurate (80.0 %, taxel 80.0 %): do not claim the recogniser's"]),
         (0.7, 0.5, ["still has as low a log-loss (0.500, taxel 0.500)"]),
-        (0.9, 0.1, ["still is as accurate (90.0 %", "still has as low a log-loss (0.100"]),
+        (0.9, 0.1, ["still is more accurate (90.0 %", "still has a lower log-loss (0.100"]),
     ],
 )
 def test_a_control_as_good_in_accuracy_or_in_loss_is_said(
@@ -123,6 +130,22 @@ def test_short_trials_are_said_in_a_note() -> None:
     assert frames_note([3, 3, 30], 3).startswith("2 of 3 trials have 3 frames")  # type: ignore[union-attr]
 
 
+def test_sessions_of_one_class_each_are_said() -> None:
+    """The audit says it too, but takes no single images. An object may well be of one class."""
+    sessions = [{"session": name} for name in ("a", "a", "b", "c")]
+    note = one_class_note(sessions, [0, 0, 1, 1], "load")
+    assert note is not None
+    assert note.startswith("each session holds trials of one class only")
+    assert one_class_note(sessions, [0, 1, 1, 1], "load") is None
+    assert (
+        one_class_note([{"object": own["session"]} for own in sessions], [0, 0, 1, 1], "load")
+        is None
+    )
+    assert one_class_note([{}, *sessions[1:]], [0, 0, 1, 1], "load") is None
+    assert one_class_note(sessions[:2], [0, 0], "load") is None
+    assert one_class_note(sessions, [0, 0, 1, 2], "session") is None
+
+
 def test_images_of_few_bits_in_files_of_sixteen_are_said_to_be_nearly_black() -> None:
     """Values of 10 or 12 bits decode to at most 4 and 16 of 255."""
     bits = {
@@ -155,6 +178,52 @@ def test_where_nothing_moves_the_still_control_is_compared_with() -> None:
     assert rival(resting, results).name == "control: the trial's first frame, 8×6 grey"
     assert trial_notes(moving) == []
     assert trial_notes(resting) == ["nothing moves: all frames of each crop are alike"]
+
+
+def test_a_control_ahead_of_the_bars_is_compared_with_too() -> None:
+    """A forest on changes sees little of a load that rests; the difference to it alone flatters."""
+    trials = some_trials()
+    names = [contender.name for contender in contenders_for(trials)]
+    ahead = [scored(name, 0.9 if "first frame" in name else 0.5, 0.5) for name in names]
+    found = [result.name for result in rivals(trials, ahead)]
+    assert found[0] == BAR.name
+    assert len(found) == 2
+    assert "first frame" in found[1]
+    even = [scored(name, 0.5, 0.5) for name in names]
+    assert [result.name for result in rivals(trials, even)] == [BAR.name]
+
+
+def test_without_an_interval_of_the_auc_several_groups_are_not_called_one() -> None:
+    """Where a draw always lacks a class there is no area, though the accuracy has an interval."""
+    trials = some_trials()
+    split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
+    few = scored("taxel", 0.9, 0.1, "")
+    few = replace(few, whole=replace(few.whole, auc_interval=(np.nan, np.nan)),
+                  probabilities=np.full((24, 2), 0.5))  # fmt: skip
+    lone = replace(few, whole=replace(few.whole, accuracy_interval=(np.nan, np.nan)))
+    shown = []
+    for result in (few, lone):
+        console = Console(width=200, record=True, file=io.StringIO(), markup=False)
+        console.print(trial_tables(trials, split, [result], []))
+        shown.append(console.export_text())
+    assert "0.500 [no interval]" in shown[0]
+    assert "0.500 [one group]" in shown[1]
+
+
+def test_trials_that_stand_alone_are_named_where_they_are_wrong() -> None:
+    """Of one trial a group, "all trials correct" would say nothing."""
+    trials = replace(some_trials(), groups=tuple({} for _ in range(24)))
+    split = split_trials(trials.groups, trials.y, "random", 3, 0)
+    right = np.eye(2)[trials.y]
+    right[[3, 7]] = 1 - right[[3, 7]]
+    whole = replace(scored("taxel", 0.9, 0.1, ""), probabilities=right)
+    console = Console(width=300, record=True, file=io.StringIO())
+    console.print(trial_tables(trials, split, [whole], []))
+    text = console.export_text()
+    wrong = [f"{trials.names[row]} (predicted {trials.classes[1 - trials.y[row]]})"
+             for row in (3, 7)]  # fmt: skip
+    assert f"2 of 24 tested trials are wrong: {', '.join(wrong)}." in text
+    assert "all trials correct" not in text
 
 
 def test_classes_are_shown_by_the_numbers_in_their_names() -> None:

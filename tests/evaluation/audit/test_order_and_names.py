@@ -343,6 +343,8 @@ def test_a_channel_that_counts_is_named(
         ("ceramic_mug", "ceramic_mugg", True), ("cup", "cupp", True), ("cup", "cups", False),
         ("-40.0", "40.0", False), ("\u22127", "7", False), ("-5 N", "5 N", False),
         ("-40.0", "-40_0", False), ("-cup", "cup", True),
+        ("x+y+", "x+y-", False), ("x+y0", "x-y0", False), ("x-y+", "x-y-", False),
+        ("x+y+", "X+ Y+", True),
     ],
 )  # fmt: skip
 def test_names_that_are_probably_one(a: str, b: str, same: bool) -> None:

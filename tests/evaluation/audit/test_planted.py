@@ -75,6 +75,28 @@ def test_an_audit_is_the_same_twice(make_set: dict[str, Callable[..., TouchSet]]
     assert audit(make_set["array"](), "x") == audit(make_set["array"](), "x")
 
 
+@pytest.mark.parametrize(("trials", "suspected"), [(48, False), (400, True)])
+def test_a_first_row_ahead_by_few_trials_is_no_leak(
+    make_set: dict[str, Callable[..., TouchSet]],
+    monkeypatch: pytest.MonkeyPatch,
+    trials: int,
+    suspected: bool,
+) -> None:
+    """Of 48 trials, 0.79 against 0.69 are five; of 400 they are forty."""
+    from taxel.evaluation.audit import nuisances
+    from taxel.evaluation.audit.audit import make_case
+    from taxel.evaluation.audit.evidence import LabelEvidence
+
+    first, middle = (
+        LabelEvidence(accuracy=accuracy, majority=0.5, auc=None, p=0.0) for accuracy in (0.79, 0.69)
+    )
+    monkeypatch.setattr(nuisances, "_first_evidence", lambda case: first)
+    monkeypatch.setattr(nuisances, "trial_evidence", lambda case, features: middle)
+    case = make_case(make_set["array"](0, trials=trials), None, 10, 0)
+    message = nuisances.read_first(case).finding(0.0).message
+    assert ("better than the middle one" in message) == suspected
+
+
 def test_labels_at_random_raise_no_alarm(make_set: dict[str, Callable[..., TouchSet]]) -> None:
     """Of ten small sets whose first rows are noise, none has its first row suspected."""
     from taxel.evaluation.audit.audit import make_case

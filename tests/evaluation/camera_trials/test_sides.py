@@ -52,8 +52,10 @@ def test_objects_on_both_sides_are_counted(tmp_path: Path) -> None:
         ([0, 1] * 7 + [0, 2], "group:object", "1 of 'slpi'", "if it is mistyped"),
         ([0, 1] * 6 + [0, 2, 2, 2], "random", "3 trials of 'slpi', the rarest",
          "--fold-count of at most 3"),
-        ([0, 1] * 6 + [2, 2, 2, 2], "group:object", "4 trials of 'slpi', the rarest in 1 object",
-         "--fold-count"),
+        ([0, 1] * 6 + [2, 2, 2, 2], "group:object", "all 4 trials of 'slpi' in one",
+         "record it in another object too, or hold out something else"),
+        ([0, 0, 1, 1, 1, 1, 0, 0, 0, 2, 2, 1, 2, 0, 0, 1], "group:object",
+         "3 trials of 'slpi', the rarest in 2 objects", "--fold-count of at most 3"),
     ],
 )  # fmt: skip
 def test_a_rare_class_is_named_with_its_trials(

@@ -72,7 +72,7 @@ class EvaluateTrials:
                            f"{self.trials}, which is no bundle, and {self.data}",
                            "leave one out")  # fmt: skip
         from taxel.evaluation.camera_trials.contenders import contenders_for
-        from taxel.evaluation.camera_trials.crossval import difference, judge_trials, rival
+        from taxel.evaluation.camera_trials.crossval import difference, judge_trials, rivals
         from taxel.views.tables.trial_notes import control_warnings
         from taxel.views.tables.trials import trial_json, trial_tables
 
@@ -83,7 +83,9 @@ class EvaluateTrials:
                 trials, split, self.options.seed, contenders_for(trials),
                 partial(work.step, "training"),
             )  # fmt: skip
-            differences = [difference(trials, split, results[0], rival(trials, results))]
+            differences = [
+                difference(trials, split, results[0], other) for other in rivals(trials, results)
+            ]
         if self.json:
             print_json(trial_json(trials, split, results, differences))
             return

@@ -58,7 +58,7 @@ class TrainTrials:
 
     def _train(self, output: Path) -> None:
         from taxel.evaluation.camera_trials.contenders import contenders_for
-        from taxel.evaluation.camera_trials.crossval import difference, judge_trials, rival
+        from taxel.evaluation.camera_trials.crossval import difference, judge_trials, rivals
         from taxel.evaluation.camera_trials.final import fit_final, save_trial_run
         from taxel.views.tables.trials import trial_json
 
@@ -71,7 +71,10 @@ class TrainTrials:
             if self.check:
                 seed = self.options.seed
                 results = judge_trials(trials, split, seed, contenders_for(trials), on_step)
-                differences = [difference(trials, split, results[0], rival(trials, results))]
+                differences = [
+                    difference(trials, split, results[0], other)
+                    for other in rivals(trials, results)
+                ]
             measured = _measured(split, results)
             final = fit_final(trials, found, split, self.options.seed, measured, on_step)
         result = trial_json(trials, split, results, differences) if results else {}

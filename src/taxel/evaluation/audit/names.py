@@ -2,7 +2,8 @@
 
 Two values of a group or label are near where they differ in case, blanks, underscores or hyphens
 only, or by one typing error in a word, in a short one by a doubled letter. Numbers must agree:
-cup_1 and cup_2 are two cups, -40 and 40 two angles. Knows nothing about touch.
+cup_1 and cup_2 are two cups, -40 and 40 two angles, x+ and x- two directions. Knows nothing about
+touch.
 
 Background of our choices: docs/decisions/0040.
 """
@@ -78,9 +79,12 @@ def near(a: str, b: str) -> bool:
 
 
 def _words(name: str) -> list[str]:
-    """Return a name's words and numbers, folded: "Big Cup_12" is big, cup, 12."""
+    """Return a name's words, numbers and plus signs, folded: "Big Cup_12" is big, cup, 12.
+
+    A plus is no blank, so that x+ and x- are two directions.
+    """
     folded = unicodedata.normalize("NFKC", name).casefold()
-    return re.findall(r"\d+(?:\.\d+)?|[^\W\d_]+", folded)
+    return re.findall(r"\d+(?:\.\d+)?|[^\W\d_]+|\+", folded)
 
 
 def _doubled(a: str, b: str) -> bool:

@@ -24,6 +24,8 @@ does, at least; half of the way is reached in twice as many rows at most. Source
 docs/decisions/0023."""
 AHEAD = 0.10
 """Accuracy by which a first row in touch must beat the middle row. Our choice, decision 23."""
+_ERRORS = 1.645
+"""Standard errors that it must be ahead, too: one-sided 5 %. Our choice, decision 23."""
 NEARLY = 0.95
 """Share of the way that level and first frame must both go where what is left without the level
 predicts much as well, only less by `AHEAD`. Our choice, decision 23."""
@@ -111,6 +113,7 @@ def read_first(case: Case) -> Reading:
     first_evidence = _first_evidence(case)
     middle = trial_evidence(case, np.stack([rows[len(rows) // 2] for rows in touch.rows]))
     before = leaves_its_start(touch)
+    tested = sum(len(test) for _, test in case.folds)
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
@@ -120,7 +123,7 @@ def read_first(case: Case) -> Reading:
             f"hold out sessions, since taking each trial's first {what} from it (tare) does not " \
             "remove this"  # fmt: skip
         mend = f"{start}, and print a control that sees the first {what} only"
-        if first_evidence.accuracy >= middle.accuracy + AHEAD:
+        if _is_ahead(first_evidence.accuracy, middle.accuracy, tested):
             return (
                 "leak",
                 f"The first {what} predicts the label better than the middle one "
@@ -158,6 +161,14 @@ def read_first(case: Case) -> Reading:
     return Reading(kind=UNSURE, evidence=first_evidence, decide=decide, mended=lambda: tared(case),
                    over_all=lambda: over_all(case, np.stack([rows[0] for rows in touch.rows])),
                    )  # fmt: skip
+
+
+def _is_ahead(first: float, middle: float, trials: int) -> bool:
+    """Return whether one accuracy, 0…1, is farther above another than so few trials give by
+    chance, as if they were not of the same trials, which is cautious.
+    """
+    error = np.sqrt((first * (1 - first) + middle * (1 - middle)) / trials)
+    return first - middle >= max(AHEAD, _ERRORS * float(error))
 
 
 def read_level(case: Case) -> Reading:

@@ -145,6 +145,21 @@ def rival(trials: TrialSet, results: Sequence[TrialResult]) -> TrialResult:
     return max(found, key=lambda result: result.whole.accuracy, default=results[1])
 
 
+def rivals(trials: TrialSet, results: Sequence[TrialResult]) -> list[TrialResult]:
+    """Return what the recogniser is compared with: the `rival`, and what is more accurate still.
+
+    Bars may be far behind a control, as where markers stand still in each trial: the difference to
+    a bar alone would then flatter.
+
+    Args:
+        trials: What was judged.
+        results: As `contenders_for` orders them.
+    """
+    first = rival(trials, results)
+    best = max(results[1:], key=lambda result: result.whole.accuracy, default=first)
+    return [first, best] if best.whole.accuracy > first.whole.accuracy else [first]
+
+
 def score_trials(
     y: NDArray[np.intp], probabilities: Probabilities, groups: NDArray[np.str_], seed: int = 0
 ) -> CameraTrialScores:

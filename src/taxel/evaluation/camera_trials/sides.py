@@ -23,7 +23,7 @@ from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_t
 from taxel.evaluation.shared_values import on_both_sides
 from taxel.evaluation.splits import TrialFold
 from taxel.labels.trials import USUAL_GROUPS, Trial, as_numbers
-from taxel.plain_text import number_of
+from taxel.plain_text import noun_of, number_of, several
 from taxel.recordings.imports.video_rows import SPLIT, TEST
 from taxel.training.camera_trials.inner_folds import inner_folds
 from taxel.training.choose.inner_folds import what_is_held
@@ -329,14 +329,22 @@ def _folds(
     known = np.unique(y)
     rarest = int(known[np.bincount(y)[known].argmin()])
     count = int((y == rarest).sum())
-    name = repr(classes[rarest]) if classes else f"class {rarest}"
+    name = _called(rarest, classes)
     parts = inner_folds(y, values, seed, folds) if folds <= count else []
     if count == 1:
         raise BadSplit("two or more trials of every class", f"1 of {name}",
                        "correct the label if it is mistyped; else record more, or leave it out",
                        )  # fmt: skip
+    owners = {kind: len(set(values[y == kind].tolist())) for kind in known.tolist()}
+    lone = min(owners, key=lambda kind: (owners[kind], kind))
+    if not parts and key and owners[lone] == 1:
+        raise BadSplit(
+            f"each class in two {several(key)} or more, so that one can be held out",
+            f"all {number_of(int((y == lone).sum()), 'trial')} of {_called(lone, classes)} in one",
+            f"record it in another {noun_of(key)} too, or hold out something else with --split",
+        )
     if not parts:
-        own = len(set(values[y == rarest].tolist()))
+        own = owners[rarest]
         among = f" in {number_of(own, key)}" if key else ""
         raise BadSplit(
             f"at least {folds} trials of each class for {folds} folds" if folds > count

@@ -29,6 +29,7 @@ from taxel.jpeg_head import EIGHT_BITS, check_size
 from taxel.plain_text import number_of
 from taxel.raster_head import is_raster
 from taxel.recordings.imports.frame_arrays import ENDING, FrameArray, file_digest
+from taxel.recordings.imports.video_rows import CAMERA_FILE, no_file
 
 LARGEST_SIDE = 8192
 """Pixels; beyond it a frame alone takes 200 MB. Source: our choice."""
@@ -78,12 +79,7 @@ class Video:
     def __init__(self, path: Path) -> None:
         self.path = path
         if not path.is_file():
-            pattern = any(sign in path.name for sign in "{*")
-            raise BadTable(
-                "a video of each camera", f"no file {path}",
-                "write a row for each trial: in tables of videos no cell stands for several files"
-                if pattern else "check the path",
-            )  # fmt: skip
+            raise no_file(path)
         _refuse_cut(path)
         self._capture = cv2.VideoCapture(str(path))
         self.steps_s: tuple[float, float] | None = None
@@ -340,7 +336,7 @@ def _refuse_cut(path: Path) -> None:
         with open_file(path) as file:
             head = file.read(8)
     except BadFile as error:
-        raise BadTable("a video of each camera", error.got, "check the path") from error
+        raise BadTable(CAMERA_FILE, error.got, "check the path") from error
     except OSError as error:
         raise BadTable(
             "a video that can be read", f"{path}: {error.strerror or error}", "check its rights"

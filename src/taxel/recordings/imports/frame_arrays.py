@@ -20,6 +20,7 @@ from taxel.foreign.files import MIB, open_file
 from taxel.foreign.held_arrays import Numbers
 from taxel.foreign.npz_file import NpyFile
 from taxel.jpeg_head import check_size
+from taxel.recordings.imports.video_rows import CAMERA_FILE
 
 ENDING = ".npy"
 _SHAPES = "8-bit images (uint8) of shape (frames, height, width) or (frames, height, width, 3)"
@@ -47,7 +48,7 @@ class FrameArray:
             raise BadTable(f"{error.needed} in {path}", error.got, error.mend) from error
         except OSError as error:
             raise BadTable(
-                "a video of each camera", f"{path}: {error.strerror or error}", "check the path"
+                CAMERA_FILE, f"{path}: {error.strerror or error}", "check the path"
             ) from error
         shape = array.shape if isinstance(array, Numbers) else ()
         if len(shape) == 3 and shape[2] == 3:

@@ -26,6 +26,8 @@ TEST = "test"
 """Value of it whose trials are only tested on."""
 SIDES = ("train", "validation", TEST)
 """What the column `split` may hold."""
+CAMERA_FILE = "a video, an image or a folder of images for each camera"
+"""What a camera's cell names, in messages."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,8 +57,8 @@ def read_video_rows(table: Path, data_dir: Path, *, outside: bool = False) -> li
         outside: Also videos that lie outside of that folder.
 
     Raises:
-        BadTable: The table cannot be read, a column is missing or unknown, or a video lies
-            outside.
+        BadTable: The table cannot be read, a column is missing or unknown, or a video is not there
+            or lies outside.
     """
     lines = read_cells(table)
     columns = [column_name(name, _PLAIN) for name in lines[0]] if lines else []
@@ -145,6 +147,21 @@ def _check_columns(table: Path, columns: Sequence[str]) -> None:
         )
 
 
+def no_file(path: Path, where: str = "") -> BadTable:
+    """Return what is said of a camera's file that is not there.
+
+    Args:
+        path: The file.
+        where: Behind it in the message: the line that names it.
+    """
+    pattern = any(sign in path.name for sign in "{*")
+    return BadTable(
+        CAMERA_FILE, f"no file {path}{where}",
+        "write a row for each trial: in tables of videos no cell stands for several files"
+        if pattern else "check the path",
+    )  # fmt: skip
+
+
 def _row(
     table: Path,
     number: int,
@@ -158,8 +175,8 @@ def _row(
     cameras = {name.removeprefix(_CAMERA): line[name] for name in columns if _is_camera(name)}
     if not all(cameras.values()):
         raise BadTable(
-            "a video for each camera", f"an empty cell in {where}",
-            "name the video, or leave the column out for all",
+            CAMERA_FILE, f"an empty cell in {where}",
+            "name it, or leave the column out for all",
         )  # fmt: skip
     empty = [name for name, cell in line.items() if ":" in name and not cell]
     if empty:
@@ -168,7 +185,7 @@ def _row(
         name: file_of(cell, data_dir, where, outside=outside) for name, cell in cameras.items()
     }
     first = next(iter(cameras))
-    return VideoRow(
+    row = VideoRow(
         name=f"{number - 1:04d}",
         files=files,
         labels=prefixed(line, "label:"),
@@ -176,6 +193,10 @@ def _row(
         rate_hz=_number(line.get("rate", ""), "rate", where),
         mm_per_px=_number(line.get("mm_per_px", ""), "mm_per_px", where),
     )
+    for path in files.values():
+        if not path.exists():
+            raise no_file(path, f" ({where})")
+    return row
 
 
 def _side(line: Mapping[str, str], where: str) -> dict[str, str]:

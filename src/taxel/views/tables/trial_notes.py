@@ -5,13 +5,14 @@ Knows nothing about how anything was made or is drawn.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from taxel.evaluation.camera_trials.contenders import MAJORITY, nothing_moves
 from taxel.evaluation.camera_trials.crossval import TrialResult
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.evaluation.run_scores import learned_note
-from taxel.plain_text import number_of
+from taxel.labels.trials import SESSIONS
+from taxel.plain_text import noun_of, number_of, several
 from taxel.windows.trial_crops import LEAST_CROP
 from taxel.windows.trial_picture import brightest
 
@@ -56,18 +57,44 @@ def black_note(level: float) -> str | None:
     )
 
 
+def one_class_note(
+    groups: Sequence[Mapping[str, str]], y: Sequence[int], target: str
+) -> str | None:
+    """Return what sessions of one class each make doubtful; None where a session has several.
+
+    Args:
+        groups: Of each trial.
+        y: Each trial's class.
+        target: The label, which may be the session itself, such as the person.
+    """
+    for key in SESSIONS:
+        if key == target or any(key not in own for own in groups):
+            continue
+        pairs = {(own[key], kind) for own, kind in zip(groups, y, strict=True)}
+        if len(pairs) == len({value for value, _ in pairs}) > 1:
+            return (
+                f"each {noun_of(key)} holds trials of one class only, so that anything else that "
+                f"differs between {several(key)}, such as light, names the class too; record "
+                f"every class in several {several(key)}"
+            )
+    return None
+
+
 def trial_notes(trials: TrialSet) -> list[str]:
-    """Return notes on what trials show: their frames, and where nothing moves or all is dark."""
+    """Return notes on what trials show: their frames, and where nothing moves or all is dark; and
+    on sessions of one class.
+    """
     found = [frames_note(trials.lengths.tolist(), trials.layout.crop)]
     if trials.layout.crop > 1 and nothing_moves(trials):
         found.append("nothing moves: all frames of each crop are alike")
     if "picture" in trials.cut.shown:
         found.append(black_note(brightest(trials.cut.shown["picture"])))
+    found.append(one_class_note(trials.groups, trials.y.tolist(), trials.target))
     return [note for note in found if note is not None]
 
 
 def control_warnings(results: Sequence[TrialResult]) -> list[str]:
-    """Return a warning where a control is as good as the recogniser; empty otherwise.
+    """Return a warning where a control is as good as the recogniser, or better; empty otherwise.
 
     Args:
         results: Of the recogniser first; controls are those that leak.
@@ -80,8 +107,9 @@ def control_warnings(results: Sequence[TrialResult]) -> list[str]:
     if best.whole.accuracy >= ours.accuracy:
         constant = [r for r in controls if r.name == MAJORITY.name]
         classes = results[0].probabilities.shape[1]
+        compared = "is more accurate" if best.whole.accuracy > ours.accuracy else "is as accurate"
         found.append(
-            f"{best.name} is as accurate ({100 * best.whole.accuracy:.1f} %, taxel "
+            f"{best.name} {compared} ({100 * best.whole.accuracy:.1f} %, taxel "
             f"{100 * ours.accuracy:.1f} %): do not claim the recogniser's accuracy"
             + ("; it is not better than always naming the commonest class"
                f"{learned_note(ours.balanced, classes, 'trial')}"
@@ -89,8 +117,11 @@ def control_warnings(results: Sequence[TrialResult]) -> list[str]:
         )  # fmt: skip
     best = min(controls, key=lambda control: control.whole.loss)
     if best.whole.loss <= ours.loss:
+        compared = (
+            "has a lower log-loss" if best.whole.loss < ours.loss else "has as low a log-loss"
+        )
         found.append(
-            f"{best.name} has as low a log-loss ({best.whole.loss:.3f}, taxel {ours.loss:.3f}): "
+            f"{best.name} {compared} ({best.whole.loss:.3f}, taxel {ours.loss:.3f}): "
             "do not claim the recogniser's probabilities"
         )
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -31,6 +32,8 @@ from taxel.views.tables.results import alike_note, bracketed
 from taxel.views.tables.trial_notes import control_warnings, trial_notes
 from taxel.windows.trial_crops import PLACES
 
+_UNSURE = re.compile(r"^confidence [\d.]+(?= is below)")
+"""A reason's own confidence, which differs from trial to trial."""
 _REASONS = 3
 """Reasons of UNKNOWN that are shown."""
 _WEAKEST = 5
@@ -49,7 +52,7 @@ def trial_tables(
         trials: What was judged.
         split: How it was parted.
         results: A row each, ours first.
-        differences: Ours less others.
+        differences: Ours less others; the first is to what the recogniser should exceed.
     """
     ours = results[0]
     parts: list[RenderableType] = [
@@ -60,7 +63,7 @@ def trial_tables(
         rows = [
             (f"{result.name}, {place} crop", scores)
             for result in results
-            if result is ours or result.name in [own.other for own in differences]
+            if result is ours or result.name in [own.other for own in differences[:1]]
             for place, scores in zip(PLACES, result.places, strict=True)
         ]
         parts.append(_table("by one crop alone", rows))
@@ -120,7 +123,7 @@ def unknown_line(verdicts: Sequence[Verdict]) -> str:
     reasons = [verdict.reason for verdict in verdicts if verdict.label == UNKNOWN]
     if not reasons:
         return ""
-    counts = Counter(reason.partition(" (")[0] for reason in reasons)
+    counts = Counter(_UNSURE.sub("confidence", reason.partition(" (")[0]) for reason in reasons)
     novel = [verdict for verdict in verdicts if verdict.reason.startswith(NOVEL)]
     shown = [f"{visible(reason)} ({count})" for reason, count in counts.most_common(_REASONS)]
     line = f"UNKNOWN because of: {', '.join(shown)}"
@@ -199,16 +202,22 @@ def _cells(scores: CameraTrialScores) -> list[str]:
     return [
         bracketed(f"{100 * scores.accuracy:.1f}", (100 * low, 100 * high), ".1f"),
         f"{100 * scores.balanced:.1f}",
-        "–" if isnan(scores.auc) else bracketed(f"{scores.auc:.3f}", scores.auc_interval, ".3f"),
+        "–" if isnan(scores.auc) else _auc(f"{scores.auc:.3f}", scores.auc_interval, low, ".3f"),
         f"{scores.loss:.3f}",
         f"{scores.calibration_error:.3f}",
     ]
 
 
+def _auc(value: str, interval: tuple[float, float], accuracy_low: float, form: str) -> str:
+    """Return an AUC with its interval; none where every draw of several groups lacks a class."""
+    alone = "one group" if isnan(accuracy_low) else "no interval"
+    return bracketed(value, interval, form, alone)
+
+
 def _difference_line(found: Difference) -> str:
     low, high = found.accuracy_interval
     accuracy = bracketed(f"{100 * found.accuracy:+.1f} points", (100 * low, 100 * high), "+.1f")
-    auc = bracketed(f"{found.auc:+.3f}", found.auc_interval, "+.3f")
+    auc = _auc(f"{found.auc:+.3f}", found.auc_interval, low, "+.3f")
     loss = bracketed(f"{found.loss:+.3f}", found.loss_interval, "+.3f")
     return (
         f"taxel less {found.other}: accuracy {accuracy}, AUC {'–' if isnan(found.auc) else auc}, "
@@ -219,6 +228,8 @@ def _difference_line(found: Difference) -> str:
 def _weakest(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
     groups = by_group(trials, split, ours)
     missed = [(name, right, of) for name, (right, of) in groups.items() if right < of]
+    if missed and all(of == 1 for _, of in groups.values()):
+        return _wrong(trials, ours)
     if not missed:
         whole = "all " * (len(groups) > 1)
         return f"all trials of {whole}{number_of(len(groups), visible(split.group))} are correct."
@@ -229,6 +240,20 @@ def _weakest(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
         f"{'has' if perfect == 1 else 'have'} all "
         f"trials correct; lowest: {shown}."
     )
+
+
+def _wrong(trials: TrialSet, ours: TrialResult) -> str:
+    """Return which trials are wrong, where each stands alone, and what was predicted."""
+    tested = np.flatnonzero(np.isfinite(ours.probabilities[:, 0]))
+    best = ours.probabilities.argmax(axis=1)
+    rows = tested[best[tested] != trials.y[tested]].tolist()
+    shown = ", ".join(
+        f"{visible(trials.names[row])} (predicted {visible_names([trials.classes[best[row]]])})"
+        for row in rows[:_WEAKEST]
+    )
+    such = ", such as" if len(rows) > _WEAKEST else ":"
+    of = number_of(len(tested), "tested trial")
+    return f"{len(rows)} of {of} {'is' if len(rows) == 1 else 'are'} wrong{such} {shown}."
 
 
 def trial_json(
