@@ -31,7 +31,7 @@ from taxel.training.choose.budget import Budget
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.costs import quietest_us
 from taxel.training.choose.fit_choice import fit_choice
-from taxel.training.choose.inner_folds import Held, what_is_held
+from taxel.training.choose.inner_folds import Held, what_is_held, with_all
 from taxel.training.choose.kept_tries import KeptTries
 from taxel.training.choose.levels import level_note
 from taxel.training.choose.limits import USUAL_LIMITS, Fitted, Limits, fit_within
@@ -159,7 +159,7 @@ def train_expert(
         budget=budget, seed=seed, kept=stored_tries, on_step=on_step, most_us=limits.bare_us
     )
     on_step(f"choosing on {_PART if same else _ALL}")
-    search = choose(base, prepared, learned, _held(base, folds), effort)
+    search = choose(base, prepared, learned, _held(base, folds, learned), effort)
 
     def fitted_on(which: str) -> Fitted:
         on_step(f"training what was chosen on {which}")
@@ -218,11 +218,12 @@ def _trains_on(split: Split, trials: Sequence[int]) -> bool:
     return isinstance(fold, TrialFold) and fold.train == set(trials)
 
 
-def _held(base: Base, split: Split) -> Held:
-    """Return what a split's first fold holds out."""
+def _held(base: Base, split: Split, learned: Sequence[int]) -> Held:
+    """Return what a split's first fold holds out, as it can be where all is learned from."""
     fold = split.folds[0]
     assert isinstance(fold, TrialFold)
-    return what_is_held(base.trials, base.y, sorted(fold.train), sorted(fold.test), split.key)
+    held = what_is_held(base.trials, base.y, sorted(fold.train), sorted(fold.test), split.key)
+    return with_all(base.trials, learned, held, split.key)
 
 
 def _within(

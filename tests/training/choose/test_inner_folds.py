@@ -15,6 +15,8 @@ from taxel.training.choose.inner_folds import (
     judged,
     learned_from,
     what_is_held,
+    with_all,
+    with_few,
 )
 
 ONE_CLASS = np.zeros(32, np.intp)
@@ -193,3 +195,49 @@ def test_a_class_of_one_session_is_judged_all_the_same():
     fold = inner_folds(own[:30], y[:30], range(30), Held("session", ordered=True))
 
     assert set(y[:30][judged(fold, y[:30], ordered=True)].tolist()) == {0, 1}
+
+
+def test_where_new_sessions_come_and_too_few_were_learned_from_that_is_known():
+    """One day learned from and another tested; two are enough where the split names them."""
+    days = trials(day=[f"d{i // 8}" for i in range(24)])
+    sides = range(8), range(8, 16)
+
+    assert what_is_held(days, ONE_CLASS[:24], *sides) == Held(None, few=True)
+    assert what_is_held(days, ONE_CLASS[:24], *sides, "day") == Held(None, few=True)
+    two = what_is_held(days, ONE_CLASS[:24], range(16), range(16, 24), "day")
+    assert two == Held("day")
+    assert what_is_held(days, ONE_CLASS[:24], range(16), range(16, 24)) == Held(None, few=True)
+
+
+def test_days_on_both_sides_and_groups_that_are_no_sessions_are_not_new():
+    mixed = trials(day=["a", "b"] * 8)
+    parts = trials(half=[f"h{i // 8}" for i in range(16)])
+
+    assert what_is_held(mixed, ONE_CLASS[:16], range(8), range(8, 16)) == Held(None)
+    assert what_is_held(parts, ONE_CLASS[:16], range(8), range(8, 16)) == Held(None)
+
+
+def test_blocks_of_the_only_day_do_not_show_what_another_day_does():
+    own = trials(day=[f"d{i // 12}" for i in range(24)], block=[f"b{i // 3}" for i in range(24)])
+
+    held = what_is_held(own, ONE_CLASS[:24], range(12), range(12, 24), "day")
+
+    assert held == Held("block", few=True)
+
+
+def test_sessions_of_which_each_class_has_one_cannot_be_held_out():
+    own = trials(session=[f"s{i // 4}" for i in range(12)])
+    of_one_class, mixed = np.arange(12) // 4, np.arange(12) % 2
+
+    assert with_few(own, of_one_class, range(12), Held("session")) == Held("session", few=True)
+    assert with_few(own, mixed, range(12), Held("session")) == Held("session")
+    assert with_few(own, mixed, range(12), Held(None)) == Held(None)
+
+
+def test_in_the_end_two_sessions_are_held_out_though_each_fold_learns_from_one():
+    own = trials(day=[f"d{i // 8}" for i in range(16)])
+    held = what_is_held(own, ONE_CLASS[:16], range(8), range(8, 16), "day")
+
+    assert with_all(own, range(16), held, "day") == Held("day")
+    assert with_all(own, range(8), held, "day") == held == Held(None, few=True)
+    assert with_all(own, range(16), held, None) == held

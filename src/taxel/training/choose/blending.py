@@ -25,6 +25,9 @@ LEAST = 1e-6
 """Probabilities are cut here before the logarithm. Source: our choice, 0039."""
 SHARPNESS = np.geomspace(0.05, 200.0, 100)
 """What logits may be multiplied by: a discriminant's, of unit spread where it learned, by much."""
+FEW_SHARPNESS = 0.5
+"""What a blend's logarithms are multiplied by where new sessions come and too few were learned from
+to hold one out. Source: our choice, 0039."""
 ROUNDS = 8
 """Members that are added one by one in the greedy blend. Source: our choice, 0039."""
 LEAST_GAIN, CHANCE = 0.1, 0.025

@@ -11,13 +11,13 @@ Source: docs/decisions/0039.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.labels.trials import TIME, USUAL_GROUPS, Trial, as_numbers, group_value
+from taxel.labels.trials import SESSIONS, TIME, USUAL_GROUPS, Trial, as_numbers, group_value
 from taxel.plain_text import number_of, several
 
 FOLDS = 5
@@ -28,6 +28,9 @@ about as far from them as groups to come will be. Source: our choice, 0039."""
 FIRST_TESTED = 2
 """Of successive blocks, the first that is tested where later ones are held out: two of five are
 the least to learn from. Source: our choice, 0039."""
+LEAST_GROUPS = 3
+"""Values of a group that are learned from, at least, for the group to be held out where the split
+does not name it. Source: our choice, 0039."""
 LEAST_JUDGED = 0.5
 """Share of the trials that must be judged for folds of whole groups. Source: our choice, 0039."""
 _FINE = ("trial", "recording", "file")
@@ -42,13 +45,17 @@ class Held:
     """A group of which whole values are held out; None for single trials."""
     ordered: bool = False
     """Whether what is held out comes after what is learned from, by numbers."""
+    few: bool = False
+    """Whether new sessions or the like are tested although too few were learned from to hold one
+    out: no inner fold shows what a new one does."""
 
     @property
     def words(self) -> str:
         """Return it in words."""
+        few = " (too few sessions to hold one out)" if self.few else ""
         if self.key is None:
-            return "successive trials"
-        return f"{'successive' if self.ordered else 'whole'} {several(self.key)}"
+            return f"successive trials{few}"
+        return f"{'successive' if self.ordered else 'whole'} {several(self.key)}{few}"
 
 
 def groups_of(trials: Sequence[Trial], held: Held) -> NDArray[np.intp]:
@@ -95,14 +102,26 @@ def what_is_held(
         trained = {group_value(trials[i], key) for i in train}
         others = {group_value(trials[i], key) for i in test}
         ordered = _later(key, trials, y, train, test)
-        least = 2 if key == named else 3
+        least = 2 if key == named else LEAST_GROUPS
         grouped = least <= len(trained) <= len(train) / 2
         if not trained & others and (grouped or (ordered and len(trained) >= 3)):
             keys.append((key != named, len(trained), key not in USUAL_GROUPS, key, ordered))
+    few = any(
+        key.lower() in SESSIONS and _is_new_to_few(key, trials, train, test) for key in common
+    )
     if not keys:
-        return Held(None)
+        return Held(None, few=few)
     *_, key, ordered = min(keys)
-    return Held(key, ordered)
+    return Held(key, ordered, few and key.lower() not in SESSIONS)
+
+
+def _is_new_to_few(
+    key: str, trials: Sequence[Trial], train: Sequence[int], test: Sequence[int]
+) -> bool:
+    """Return whether a group's test values are new, and too few others are learned from."""
+    trained = {group_value(trials[i], key) for i in train}
+    new = trained.isdisjoint(group_value(trials[i], key) for i in test)
+    return new and len(trained) < LEAST_GROUPS and len(trained) <= len(train) / 2
 
 
 def _later(
@@ -123,6 +142,42 @@ def _later(
         values[tested[y[tested] == own]].min() > values[learned[y[learned] == own]].max()
         for own in common
     )
+
+
+def with_all(
+    trials: Sequence[Trial], learned: Sequence[int], held: Held, named: str | None
+) -> Held:
+    """Return what inner folds hold out where more is learned from than in an outer fold: of two
+    sessions each outer fold learns from one, in the end both are learned from.
+
+    Args:
+        trials: All of them.
+        learned: Indices of those that are learned from.
+        held: What an outer fold holds out.
+        named: The group that the split was asked to hold out, if any.
+    """
+    if not held.few or named is None:
+        return held
+    values = {group_value(trials[i], named) for i in learned}
+    return Held(named) if None not in values and len(values) > 1 else held
+
+
+def with_few(
+    trials: Sequence[Trial], y: NDArray[np.intp], train: Sequence[int], held: Held
+) -> Held:
+    """Return what is held out; `few` where inner folds of its groups cannot be made.
+
+    Args:
+        trials: All of them.
+        y: Their class numbers.
+        train: Indices of those that may be used.
+        held: What the outer split holds out.
+    """
+    if held.key is None or held.ordered:
+        return held
+    names = _values([trials[i] for i in train], held.key)
+    few = _by_groups(names, y[np.asarray(train, np.intp)]) is None
+    return replace(held, few=held.few or few)
 
 
 def inner_folds(

@@ -21,6 +21,7 @@ from taxel.models.kernel_features import KERNELS
 from taxel.plain_text import number_of
 from taxel.training.choose.base import Base
 from taxel.training.choose.blending import (
+    FEW_SHARPNESS,
     LEAST,
     doubted,
     fit_last,
@@ -42,6 +43,7 @@ from taxel.training.choose.inner_folds import (
     inner_folds,
     learned_from,
     tested_folds,
+    with_few,
 )
 from taxel.training.choose.joining import fit_joining
 from taxel.training.choose.kept_tries import KeptTries
@@ -91,6 +93,7 @@ def choose(
         BadSplit: Fewer than two classes have two trials, or windows of them in any way to cut.
     """
     effort.budget.begin()
+    held = with_few(base.trials, base.y, train, held)
     search = _Search(effort)
     parts = [_quick_enough(part, effort) for part in _judged_parts(base, prepared, train, held)]
     part: Part = parts[0]
@@ -349,6 +352,7 @@ class SearchResult:
         blend = mix(probabilities, kinds, camps, freedom, y, groups)
         whole = np.log(np.maximum(joined(probabilities, blend), LEAST))
         last = fit_last(whole, y, len(set(trial)), later=self.held.ordered)
+        last *= FEW_SHARPNESS if self.held.few else 1.0
         final = doubted(softmax(last * whole))
         weight = {id(tried[i]): w for i, w in zip(blend.members, blend.weights, strict=True)}
         single = len(set(trial)) == len(trial)
