@@ -118,6 +118,7 @@ def test_a_blend_is_half_as_sure_where_nothing_shows_what_a_new_session_does(bas
 
     assert few.choice().last == pytest.approx(FEW_SHARPNESS * usual.choice().last)
     assert few.choice().members == usual.choice().members
+    assert few.choice().joining == usual.choice().joining
 
 
 def test_what_the_time_does_not_allow_is_left_out_and_said(base: Base):

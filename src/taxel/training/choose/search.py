@@ -352,7 +352,8 @@ class SearchResult:
         blend = mix(probabilities, kinds, camps, freedom, y, groups)
         whole = np.log(np.maximum(joined(probabilities, blend), LEAST))
         last = fit_last(whole, y, len(set(trial)), later=self.held.ordered)
-        last *= FEW_SHARPNESS if self.held.few else 1.0
+        inner = doubted(softmax(last * whole))
+        last *= FEW_SHARPNESS if self.held.few else 1.0  # what is joined stays half as sure, too
         final = doubted(softmax(last * whole))
         weight = {id(tried[i]): w for i, w in zip(blend.members, blend.weights, strict=True)}
         single = len(set(trial)) == len(trial)
@@ -361,7 +362,7 @@ class SearchResult:
             window=part.prepared.config,
             members=tuple(self._member(tried[i], weight[id(tried[i])]) for i in blend.members),
             last=last,
-            joining=Joining() if single else fit_joining(trial, final, y),
+            joining=Joining() if single else fit_joining(trial, inner, y),
             held=self.held.words,
             folds=len(tested_folds(part.fold, ordered=part.ordered)),
             why=f"of what keeps to the limits, {blend.why}" if without else blend.why,
