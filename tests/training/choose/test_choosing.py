@@ -17,7 +17,6 @@ from taxel.models.blend import Blend, read_plan
 from taxel.models.kernel_features import KERNELS, KernelFeatures
 from taxel.models.touchnet import TouchNet
 from taxel.training.choose.base import Base, load_base
-from taxel.training.choose.blending import FEW_SHARPNESS
 from taxel.training.choose.budget import TRYING, Budget
 from taxel.training.choose.candidates import Candidate, feature_sets, first_round
 from taxel.training.choose.choice import Member, read_choice, write_choice
@@ -107,18 +106,6 @@ def test_labels_of_test_trials_change_nothing(base: Base):
     other = replace(base, dataset=replace(base.dataset, trials=tuple(swapped)))
 
     assert search(base, train, 15.0).choice() == search(other, train, 15.0).choice()
-
-
-def test_a_blend_is_half_as_sure_where_nothing_shows_what_a_new_session_does(base: Base):
-    """The same candidates, judged on the same trials: only the logarithms are halved."""
-    usual, few = (
-        choose(base, prepare_all(base), range(16), held, Effort(budget=Budget(0.0, at_once=1)))
-        for held in (Held(None), Held(None, few=True))
-    )
-
-    assert few.choice().last == pytest.approx(FEW_SHARPNESS * usual.choice().last)
-    assert few.choice().members == usual.choice().members
-    assert few.choice().joining == usual.choice().joining
 
 
 def test_what_the_time_does_not_allow_is_left_out_and_said(base: Base):
