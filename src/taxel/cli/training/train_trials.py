@@ -72,8 +72,7 @@ class TrainTrials:
                 seed = self.options.seed
                 results = judge_trials(trials, split, seed, contenders_for(trials), on_step)
                 differences = [
-                    difference(trials, split, results[0], other)
-                    for other in rivals(results)
+                    difference(trials, split, results[0], other) for other in rivals(results)
                 ]
             measured = _measured(split, results)
             final = fit_final(trials, found, split, self.options.seed, measured, on_step)
