@@ -20,6 +20,7 @@ from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.training.camera_trials.features import TrialRows
 from taxel.windows.trial_crops import PIXELS, STATISTICS, STILLS, Layout, numbers_of
 from taxel.windows.trial_network import FEATURES
+from taxel.windows.trial_picture import COLUMNS, ROWS
 
 SIZE = (60, 80)
 Write = Callable[[Path, list[NDArray[np.uint8]]], str]
@@ -146,6 +147,8 @@ def some_trials(
     pixels[:, numbers_of("pixels", ("step", "since"), 2)[:6]] += 3.0 * y[trial][:, None]
     stills = rng.normal(size=(len(trial), 2 * 3 * STILLS)).astype(np.float32)
     picture = rng.normal(size=(len(trial), 2 * 30)).astype(np.float32)
+    looks = rng.normal(size=(len(trial), 3, 2, 180)).astype(np.float32)
+    cells = rng.normal(100.0, 9.0, size=(len(trial), ROWS, 2, COLUMNS)).astype(np.float32)
     return TrialSet(
         target="kind",
         classes=tuple("abc"[:classes]),
@@ -157,7 +160,7 @@ def some_trials(
         layout=Layout(20, places),
         cut=TrialRows(
             rows={"pixels": pixels, "stills": stills, "picture": picture},
-            shown={"stills": rng.normal(size=(len(trial), 3, 2, 180)).astype(np.float32)},
+            shown={"stills": looks, "picture": cells},
             trial=trial,
             place=np.tile(np.arange(places), trials),
         ),

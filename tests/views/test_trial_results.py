@@ -9,7 +9,15 @@ from rich.console import Console
 
 from taxel.decisions.recognition import UNKNOWN
 from taxel.decisions.trial_verdict import Verdict
-from taxel.evaluation.camera_trials.contenders import BAR, OURS, contenders_for, nothing_moves
+from taxel.evaluation.camera_trials.contenders import (
+    BAR,
+    CHANGES_BAR,
+    NEAREST_BAR,
+    OURS,
+    PICTURE_BAR,
+    contenders_for,
+    nothing_moves,
+)
 from taxel.evaluation.camera_trials.crossval import (
     CameraTrialScores,
     TrialResult,
@@ -21,6 +29,7 @@ from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.training.camera_trials.image_network import find_image_network
 from taxel.views.tables.trial_notes import (
+    bar_warnings,
     control_warnings,
     frames_note,
     one_class_note,
@@ -169,28 +178,69 @@ def still(trials: TrialSet) -> TrialSet:
     return replace(trials, cut=replace(trials.cut, rows=rows))
 
 
-def test_where_nothing_moves_the_still_control_is_compared_with() -> None:
+def test_where_nothing_moves_bars_that_see_the_picture_remain() -> None:
+    """A forest on change would be a guess; to be ahead of it would say nothing."""
     moving, resting = some_trials(), still(some_trials())
     assert (nothing_moves(moving), nothing_moves(resting)) == (False, True)
-    names = [contender.name for contender in contenders_for(resting)]
-    results = [scored(name, 0.5, 0.5) for name in names]
-    assert rival(moving, results).name == BAR.name
-    assert rival(resting, results).name == "control: the trial's first frame, 8×6 grey"
+    seen, left = ([own.name for own in contenders_for(trials)[1:] if not own.leaks]
+                  for trials in (moving, resting))  # fmt: skip
+    pictures = [PICTURE_BAR.name, NEAREST_BAR.name]
+    assert seen == [BAR.name, CHANGES_BAR.name, *pictures]
+    assert left == pictures
     assert trial_notes(moving) == []
     assert trial_notes(resting) == ["nothing moves: all frames of each crop are alike"]
 
 
+def test_the_most_accurate_bar_is_compared_with() -> None:
+    names = [contender.name for contender in contenders_for(some_trials())]
+    for ahead in (CHANGES_BAR.name, NEAREST_BAR.name):
+        results = [scored(n, 0.7 if n == ahead else 0.5, 0.5, n[:7] * (n[:3] == "con"))
+                   for n in names]  # fmt: skip
+        assert rival(results).name == ahead
+        assert [result.name for result in rivals(results)] == [ahead]
+
+
 def test_a_control_ahead_of_the_bars_is_compared_with_too() -> None:
     """A forest on changes sees little of a load that rests; the difference to it alone flatters."""
-    trials = some_trials()
-    names = [contender.name for contender in contenders_for(trials)]
-    ahead = [scored(name, 0.9 if "first frame" in name else 0.5, 0.5) for name in names]
-    found = [result.name for result in rivals(trials, ahead)]
+    contenders = contenders_for(some_trials())
+    ahead = [scored(own.name, 0.9 if "first frame" in own.name else 0.5, 0.5, own.leaks)
+             for own in contenders]  # fmt: skip
+    found = [result.name for result in rivals(ahead)]
     assert found[0] == BAR.name
     assert len(found) == 2
     assert "first frame" in found[1]
-    even = [scored(name, 0.5, 0.5) for name in names]
-    assert [result.name for result in rivals(trials, even)] == [BAR.name]
+    even = [scored(own.name, 0.5, 0.5, own.leaks) for own in contenders]
+    assert [result.name for result in rivals(even)] == [BAR.name]
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "loss", "lines"),
+    [
+        (0.8, 0.5, []),
+        (0.9, 0.5, ["bar: b is more accurate (90.0 %, taxel 80.0 %): a simple method names"]),
+        (0.7, 0.4, ["bar: b has a lower log-loss (0.400, taxel 0.500): a simple method has"]),
+        (0.9, 0.4, ["bar: b is more accurate", "bar: b has a lower log-loss"]),
+    ],
+)
+def test_a_bar_ahead_of_the_recogniser_is_warned_of(
+    accuracy: float, loss: float, lines: list[str]
+) -> None:
+    """On the screen and in JSON; a control has warnings of its own."""
+    trials = some_trials()
+    split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
+    ours = replace(scored("taxel", 0.8, 0.5, ""), probabilities=np.full((24, 2), 0.5))
+    results = [ours, scored("bar: a", 0.1, 0.9, ""), scored("bar: b", accuracy, loss, ""),
+               scored("control: c", 1.0, 0.0)]  # fmt: skip
+    found = bar_warnings(results)
+    assert len(found) == len(lines)
+    assert all(line.startswith(words) for line, words in zip(found, lines, strict=True))
+    assert trial_json(trials, split, results, [])["bar_warnings"] == found
+    console = Console(width=300, record=True, file=io.StringIO())
+    console.print(trial_tables(trials, split, results, []))
+    text = console.export_text()
+    assert all(f"warning: {line}" in text for line in found)
+    assert ("a simple method" in text) == bool(lines)
+    assert bar_warnings([ours, results[-1]]) == []
 
 
 def test_without_an_interval_of_the_auc_several_groups_are_not_called_one() -> None:

@@ -56,13 +56,25 @@ def sum_up_picture(values: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.concatenate(list(values), axis=1)
 
 
+def means_by_cell(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the mean of each cell and colour in each frame, shape (…, 3, cameras, 192).
+
+    Args:
+        values: Shape (…, 6, cameras, columns), as `look_at_picture` gives them for each camera.
+
+    Returns:
+        Grey levels, 0…255.
+    """
+    return values[..., :_FRAMES, :, :_OF_CELLS]
+
+
 def brightest(values: NDArray[np.float32]) -> float:
     """Return the highest mean of a cell and colour in any frame, grey levels, 0…255.
 
     Args:
-        values: Shape (…, 6, cameras, columns), as `look_at_picture` gives them for each camera.
+        values: As of `means_by_cell`.
     """
-    return float(values[..., :_FRAMES, :, :_OF_CELLS].max())
+    return float(means_by_cell(values).max())
 
 
 def _by_cell(picture: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""`taxel evaluate-trials`: how well camera trials are recognised, beside a forest and controls."""
+"""`taxel evaluate-trials`: how well camera trials are recognised, beside bars and controls."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class EvaluateTrials:
                 partial(work.step, "training"),
             )  # fmt: skip
             differences = [
-                difference(trials, split, results[0], other) for other in rivals(trials, results)
+                difference(trials, split, results[0], other) for other in rivals(results)
             ]
         if self.json:
             print_json(trial_json(trials, split, results, differences))

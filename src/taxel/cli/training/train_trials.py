@@ -72,8 +72,7 @@ class TrainTrials:
                 seed = self.options.seed
                 results = judge_trials(trials, split, seed, contenders_for(trials), on_step)
                 differences = [
-                    difference(trials, split, results[0], other)
-                    for other in rivals(trials, results)
+                    difference(trials, split, results[0], other) for other in rivals(results)
                 ]
             measured = _measured(split, results)
             final = fit_final(trials, found, split, self.options.seed, measured, on_step)
@@ -129,6 +128,6 @@ def _measured(split: TrialSplit, results: list[TrialResult]) -> dict[str, float]
         f"accuracy, {split.name}": ours.accuracy,
         f"AUC, {split.name}": ours.auc,
         f"log-loss, {split.name}": ours.loss,
-        f"accuracy of the better forest beside it, {split.name}": bar,
+        f"accuracy of the best bar beside it, {split.name}": bar,
     }
     return {key: value for key, value in found.items() if math.isfinite(value)}

@@ -1,7 +1,8 @@
-"""What is judged on camera trials: the default recogniser, forests to beat, trivial controls.
+"""What is judged on camera trials: the default recogniser, bars to exceed, trivial controls.
 
-A trial's length may predict its label, and so may its first frame: controls see only these. Knows
-nothing about sides of a split or scores.
+Bars are simple methods: two see change between frames, two how the frames look. A trial's length
+may predict its label, and so may its first frame: controls see only these. Knows nothing about
+sides of a split or scores.
 
 Background of our choices: docs/decisions/0041.
 """
@@ -14,6 +15,7 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from sklearn.neighbors import KNeighborsClassifier
 
 from taxel.evaluation.camera_trials.trial_set import Rows, TrialSet
 from taxel.training.camera_trials.blend import (
@@ -26,8 +28,11 @@ from taxel.training.camera_trials.blend import (
 from taxel.training.camera_trials.learning import Crops, Learning
 from taxel.windows.trial_crops import BAR as BAR_COLUMNS
 from taxel.windows.trial_crops import THUMB, numbers_of
+from taxel.windows.trial_picture import means_by_cell
 
 Probabilities = NDArray[np.float64]
+NEIGHBOURS: Final = 5
+"""Source: scikit-learn's default."""
 
 
 class TrialModel(Protocol):
@@ -58,6 +63,30 @@ class Plain:
 
     def crops(self, rows: Rows) -> Probabilities:
         return proba_of(self._model, rows, self._classes)
+
+    def trials(self, rows: Rows, trial: NDArray[np.intp]) -> Probabilities:
+        return mean_of_crops(self.crops(rows), trial)
+
+
+class Nearest:
+    """The nearest learned crops vote, and each class that was learned has a share of one more vote.
+
+    Rows are not standardised: all are grey levels, and cells that hardly change would count most.
+    """
+
+    def __init__(self) -> None:
+        self._model, self._prior = KNeighborsClassifier(NEIGHBOURS), np.zeros(0)
+
+    def fit(self, learning: Learning) -> None:
+        votes = min(NEIGHBOURS, len(learning.rows))
+        self._model = KNeighborsClassifier(votes).fit(learning.rows, learning.y[learning.trial])
+        learned = np.bincount(learning.y, minlength=learning.classes) > 0
+        self._prior = learned / learned.sum()
+
+    def crops(self, rows: Rows) -> Probabilities:
+        votes = self._model.n_neighbors
+        shares = proba_of(self._model, rows, len(self._prior))
+        return np.asarray((votes * shares + self._prior) / (votes + 1), np.float64)
 
     def trials(self, rows: Rows, trial: NDArray[np.intp]) -> Probabilities:
         return mean_of_crops(self.crops(rows), trial)
@@ -133,6 +162,16 @@ CHANGES_BAR: Final = Contender(
     rows=lambda trials: changes(trials),
     model=lambda _, seed, __: Plain(forest(seed)),
 )
+PICTURE_BAR: Final = Contender(
+    name="bar: random forest on 8×8 colours",
+    rows=lambda trials: colours(trials),
+    model=lambda _, seed, __: Plain(forest(seed)),
+)
+NEAREST_BAR: Final = Contender(
+    name="bar: five nearest neighbours in 8×8 colours",
+    rows=lambda trials: colours(trials),
+    model=lambda _, __, ___: Nearest(),
+)
 _LENGTH: Final = Contender(
     name="control: the trial's length",
     rows=lambda trials: np.asarray(trials.lengths[trials.cut.trial], np.float32)[:, None],
@@ -175,14 +214,31 @@ def changes(trials: TrialSet) -> Rows:
     return np.ascontiguousarray((looks[:, 1:] - looks[:, :1]).reshape(len(looks), -1))
 
 
+def colours(trials: TrialSet) -> Rows:
+    """Return how each crop's first, middle and last frame look, means of colour in 8×8 cells.
+
+    Of a crop of a single image there is one frame only.
+
+    Returns:
+        Shape (n, frames · cameras · 192), grey levels, 0…255.
+    """
+    means = means_by_cell(trials.cut.shown["picture"])
+    kept = means[:, :1] if trials.layout.crop == 1 else means
+    return np.ascontiguousarray(kept.reshape(len(kept), -1))
+
+
 def nothing_moves(trials: TrialSet) -> bool:
-    """Return whether all frames of each crop are alike, so that the bar has nothing to see."""
+    """Return whether all frames of each crop are alike: forests on change have nothing to see."""
     return not BAR.rows(trials).any()
 
 
 def contenders_for(trials: TrialSet) -> tuple[Contender, ...]:
-    """Return what is judged, ours and the bars first; a control that cannot differ is left out."""
-    found = [OURS, BAR, CHANGES_BAR]
+    """Return what is judged, ours and the bars first.
+
+    Forests on change are left out where nothing moves, and so are controls that cannot differ.
+    """
+    found = [OURS, *(() if nothing_moves(trials) else (BAR, CHANGES_BAR))]
+    found += [PICTURE_BAR, NEAREST_BAR]
     if len(set(trials.lengths.tolist())) > 1:
         found.append(_LENGTH)
     if trials.layout.places > 1:

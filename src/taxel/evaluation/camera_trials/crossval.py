@@ -1,4 +1,4 @@
-"""How well camera trials are recognised, beside what is trivial: a forest, length, first frame.
+"""How well camera trials are recognised, beside simple methods, length, first frame.
 
 A label holds for a whole trial, whose length may predict it too: crops have a fixed length and
 place, and controls that see only the length or the first frame are judged on the same sides.
@@ -15,14 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.evaluation.camera_trials.contenders import (
-    BAR,
-    CHANGES_BAR,
-    FIRST_FRAME,
-    Contender,
-    Probabilities,
-    nothing_moves,
-)
+from taxel.evaluation.camera_trials.contenders import Contender, Probabilities
 from taxel.evaluation.camera_trials.sides import TrialSplit, order_of
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.evaluation.intervals import draw_rows, percentile_interval
@@ -132,30 +125,26 @@ def _judge(
     )
 
 
-def rival(trials: TrialSet, results: Sequence[TrialResult]) -> TrialResult:
-    """Return what the recogniser is compared with: the bar that names more trials rightly, or a
-    still where nothing moves.
+def rival(results: Sequence[TrialResult]) -> TrialResult:
+    """Return what the recogniser is compared with: the bar that names most trials rightly.
 
     Args:
-        trials: What was judged.
-        results: As `contenders_for` orders them.
+        results: As `contenders_for` orders them; bars are those that do not leak.
     """
-    names = (FIRST_FRAME.name,) if nothing_moves(trials) else (BAR.name, CHANGES_BAR.name)
-    found = [result for result in results if result.name in names]
+    found = [result for result in results[1:] if not result.leaks]
     return max(found, key=lambda result: result.whole.accuracy, default=results[1])
 
 
-def rivals(trials: TrialSet, results: Sequence[TrialResult]) -> list[TrialResult]:
+def rivals(results: Sequence[TrialResult]) -> list[TrialResult]:
     """Return what the recogniser is compared with: the `rival`, and what is more accurate still.
 
-    Bars may be far behind a control, as where markers stand still in each trial: the difference to
-    a bar alone would then flatter.
+    Bars may be far behind a control, as where a first frame alone names the class: the difference
+    to a bar alone would then flatter.
 
     Args:
-        trials: What was judged.
         results: As `contenders_for` orders them.
     """
-    first = rival(trials, results)
+    first = rival(results)
     best = max(results[1:], key=lambda result: result.whole.accuracy, default=first)
     return [first, best] if best.whole.accuracy > first.whole.accuracy else [first]
 

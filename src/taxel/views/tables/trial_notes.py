@@ -1,4 +1,4 @@
-"""Notes beside the scores of camera trials: short ones, still ones, idle controls.
+"""Notes beside the scores of camera trials: short ones, still ones, bars and controls ahead.
 
 Knows nothing about how anything was made or is drawn.
 """
@@ -123,5 +123,30 @@ def control_warnings(results: Sequence[TrialResult]) -> list[str]:
         found.append(
             f"{best.name} {compared} ({best.whole.loss:.3f}, taxel {ours.loss:.3f}): "
             "do not claim the recogniser's probabilities"
+        )
+    return found
+
+
+def bar_warnings(results: Sequence[TrialResult]) -> list[str]:
+    """Return a warning where a bar, a simple method, is ahead of the recogniser; empty otherwise.
+
+    Args:
+        results: Of the recogniser first; bars are those that do not leak.
+    """
+    bars = [result for result in results[1:] if not result.leaks]
+    if not bars:
+        return []
+    ours, found = results[0].whole, []
+    best = max(bars, key=lambda result: result.whole.accuracy)
+    if best.whole.accuracy > ours.accuracy:
+        found.append(
+            f"{best.name} is more accurate ({100 * best.whole.accuracy:.1f} %, taxel "
+            f"{100 * ours.accuracy:.1f} %): a simple method names these trials better"
+        )
+    best = min(bars, key=lambda result: result.whole.loss)
+    if best.whole.loss < ours.loss:
+        found.append(
+            f"{best.name} has a lower log-loss ({best.whole.loss:.3f}, taxel {ours.loss:.3f}): "
+            "a simple method has better probabilities here"
         )
     return found

@@ -29,7 +29,7 @@ from taxel.evaluation.paired import LEVEL, smallest_p
 from taxel.plain_text import number_of, several, visible, visible_line, visible_names
 from taxel.recordings.imports.spelling import by_numbers
 from taxel.views.tables.results import alike_note, bracketed
-from taxel.views.tables.trial_notes import control_warnings, trial_notes
+from taxel.views.tables.trial_notes import bar_warnings, control_warnings, trial_notes
 from taxel.windows.trial_crops import PLACES
 
 _UNSURE = re.compile(r"^confidence [\d.]+(?= is below)")
@@ -75,6 +75,7 @@ def trial_tables(
         parts.append(Text(f"warning: {visible_line(warning)}", style="yellow"))
     if warning := _too_few(split, trials):
         parts.append(Text(f"warning: {warning}", style="yellow"))
+    parts += [Text(f"warning: {own}", style="yellow") for own in bar_warnings(results)]
     parts.append(Text(f"Intervals in []: 95 % CI, whole {several(split.group)} resampled."))
     whole = [result.whole for result in results]
     intervals = [own for scores in whole for own in (scores.accuracy_interval, scores.auc_interval)]
@@ -282,6 +283,7 @@ def trial_json(
         "network": trials.network and trials.network.words,
         "warning": shared_values(split, trials.groups, trials.y),
         "note": "; ".join(trial_notes(trials)) or None,
+        "bar_warnings": bar_warnings(results),
         "control_warnings": control_warnings(results),
         "rows": [row(result) for result in results],
         "differences": [asdict(difference) for difference in differences],
