@@ -31,7 +31,7 @@ from taxel.cli.training.train_trials import TrainTrials
 from taxel.decisions.recognition import UNKNOWN
 from taxel.errors import BadBundle, BadDataset, BadInput, BadSplit, BadTable
 from taxel.evaluation.camera_trials.contenders import BAR, OURS, contenders_for, thumbs
-from taxel.evaluation.camera_trials.crossval import difference, judge_trials
+from taxel.evaluation.camera_trials.crossval import difference, judge_trials, score_trials
 from taxel.evaluation.camera_trials.sides import split_by_table, split_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
 from taxel.recordings.imports.video_rows import read_video_rows
@@ -244,6 +244,15 @@ def test_controls_see_what_they_are_named_for() -> None:
     assert by_name["control: the commonest class"].accuracy == 0.5
     assert by_name[BAR.name].accuracy > 0.9
     assert thumbs(trials).shape == (72, 2 * 48)
+
+
+def test_an_auc_has_no_interval_where_many_draws_of_sessions_lack_a_class() -> None:
+    """Of two sessions half of the draws hold one alone, which lacks a class."""
+    y, found = np.array([0, 0, 1, 1] * 6), np.tile([[0.7, 0.3], [0.4, 0.6]], (12, 1))
+    two, many = y.astype(str), np.repeat([f"s{i}" for i in range(6)], 4)
+
+    assert np.isnan(score_trials(y, found, two).auc_interval).all()
+    assert np.isfinite(score_trials(y, found, many).auc_interval).all()
 
 
 def test_identical_crops_and_equal_lengths_are_not_judged_again() -> None:

@@ -18,10 +18,13 @@ from numpy.typing import NDArray
 from taxel.evaluation.camera_trials.contenders import Contender, Probabilities
 from taxel.evaluation.camera_trials.sides import TrialSplit, order_of
 from taxel.evaluation.camera_trials.trial_set import TrialSet
-from taxel.evaluation.intervals import draw_rows, percentile_interval
+from taxel.evaluation.intervals import NO_INTERVAL, draw_rows, percentile_interval
 from taxel.evaluation.rank_area import area
 from taxel.evaluation.run_scores import reliability
 from taxel.training.camera_trials.member_weights import log_loss
+
+LEAST_DRAWS = 0.95
+"""Share of the draws that must have an AUC for its interval to be given. Our choice, 0041."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,10 +165,18 @@ def score_trials(
         accuracy_interval=percentile_interval([float(right[d].mean()) for d in drawn]),
         balanced=float(np.mean([right[y == kind].mean() for kind in np.unique(y)])),
         auc=area(y, probabilities),
-        auc_interval=percentile_interval([area(y[d], probabilities[d]) for d in drawn]),
+        auc_interval=_interval([area(y[d], probabilities[d]) for d in drawn]),
         loss=log_loss(probabilities, y),
         calibration_error=sum(b.windows * abs(b.confidence - b.accuracy) for b in bins) / len(y),
     )
+
+
+def _interval(found: list[float]) -> tuple[float, float]:
+    """Return the middle 95 % of the draws; none where many gave no value (NaN), as those of few
+    sessions that lack a class have no AUC: the others are no sample of all.
+    """
+    known = np.isfinite(found).mean()
+    return percentile_interval(found) if known >= LEAST_DRAWS else NO_INTERVAL
 
 
 def difference(
@@ -181,7 +192,7 @@ def difference(
         measure: Callable[[NDArray[np.intp], Probabilities], float],
     ) -> tuple[float, tuple[float, float]]:
         found = [measure(y[d], mine[d]) - measure(y[d], others[d]) for d in drawn]
-        return measure(y, mine) - measure(y, others), percentile_interval(found)
+        return measure(y, mine) - measure(y, others), _interval(found)
 
     accuracy, auc, loss = compared(_accuracy), compared(area), compared(_loss)
     return Difference(other.name, *accuracy, *auc, *loss)
