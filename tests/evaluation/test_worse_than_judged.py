@@ -9,9 +9,9 @@ from taxel.evaluation.nested import Nested, worse_than_judged
 from taxel.training.choose.choice import Choice
 
 
-def choice(accuracy: float, *, cut_short: bool = True) -> Choice:
+def choice(accuracy: float, *, cut_short: bool = True, held: str = "successive trials") -> Choice:
     left_out = ("extra-trees 2 on rows",) if cut_short else ()
-    return cast(Choice, SimpleNamespace(accuracy=accuracy, left_out=left_out))
+    return cast(Choice, SimpleNamespace(accuracy=accuracy, left_out=left_out, held=held))
 
 
 def nested(low: float, *judged: float) -> Nested:
@@ -37,6 +37,7 @@ def test_a_model_chosen_in_too_little_time_carries_a_warning() -> None:
         (choice(0.60), nested(0.674, 0.55, 0.83)),  # no worse than one that was judged
         (choice(0.544, cut_short=False), nested(0.674, 0.71, 0.83)),
         (choice(0.544), None),
+        (choice(0.544, held="whole days"), nested(0.674, 0.71, 0.83)),  # not the same folds
     ],
 )
 def test_a_model_that_is_as_good_or_had_its_time_carries_none(saved, judged) -> None:

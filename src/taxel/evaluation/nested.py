@@ -180,6 +180,8 @@ def worse_than_judged(choice: Choice, nested: Nested | None) -> tuple[str, ...]:
     """
     if nested is None or not choice.left_out:
         return ()
+    if any(judged.held != choice.held for judged in nested.choices):
+        return ()  # other inner folds: of two sessions the judged ones learned from one alone
     least = min(judged.accuracy for judged in nested.choices)
     low = nested.scores.intervals[nested.scores.group].low
     if choice.accuracy >= min(least, low):
