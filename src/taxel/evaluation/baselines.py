@@ -7,6 +7,7 @@ touch; one below the majority class is worse than guessing. Knows nothing about 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,10 +113,16 @@ def trivial_right(
         folds: Windows to learn from and to test on, as indices.
     """
     right = {}
+    as_tested = dataset
+    if dataset.tested_level is not None:
+        windows = dataset.tested(np.arange(len(dataset)))
+        as_tested = replace(dataset, windows=windows, tested_level=None)
     for name, features in TRIVIAL.items():
-        seen = features(dataset)
+        seen = tested = features(dataset)
+        if as_tested is not dataset:
+            tested = features(as_tested)
         right[name] = sum(
-            int((_trees(seen[train], y[train], seen[test]) == y[test]).sum())
+            int((_trees(seen[train], y[train], tested[test]) == y[test]).sum())
             for train, test in folds if len(test)
         )  # fmt: skip
     return right

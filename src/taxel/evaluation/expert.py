@@ -223,7 +223,7 @@ def _held(base: Base, split: Split, learned: Sequence[int]) -> Held:
     fold = split.folds[0]
     assert isinstance(fold, TrialFold)
     held = what_is_held(base.trials, base.y, sorted(fold.train), sorted(fold.test), split.key)
-    return with_all(base.trials, learned, held, split.key)
+    return with_all(base.trials, sorted(fold.train), learned, held)
 
 
 def _within(

@@ -70,8 +70,9 @@ def fit_unknown(
     """
     used = np.ones(len(dataset.trials), bool) if trials is None else trials
     mine = np.flatnonzero(used[dataset.trial])
-    windows = dataset.windows[mine]
+    windows, tested = dataset.windows[mine], dataset.tested(mine)
     values, mask = scaling.apply(windows.values, windows.mask), windows.mask
+    held_out = scaling.apply(tested.values, tested.mask)
     owner = dataset.trial[mine]
     labels = {part: np.array([trial.labels[part] for trial in dataset.trials])[owner]
               for part in parts_of(target, (trial.labels for trial in dataset.trials))}  # fmt: skip
@@ -83,7 +84,7 @@ def fit_unknown(
             continue
         test = NoveltyTest(_fit(values[rest], mask[rest], _of(labels, rest), rejected))
         out = np.flatnonzero(~rest)
-        scored.append((out, np.array([test.of_window(values[i][mask[i]]) for i in out])))
+        scored.append((out, np.array([test.of_window(held_out[i][mask[i]]) for i in out])))
     needed = _least_scores(len(labels), rejected)
     index = np.concatenate([np.zeros(0, np.intp), *(part for part, _ in scored)])
     check_enough(len(set(owner[index])), len(labels), rejected)

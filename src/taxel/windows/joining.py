@@ -46,7 +46,7 @@ def join_datasets(first: Dataset, folder: Path, target: str) -> Dataset:
     )
     _check_alike(first, second, folder)
     refuse_merged((*first.trials, *second.trials), target, folder)
-    levels = None
+    levels = tested = None
     if first.reference is not None and second.reference is not None:
         change = to_usual(second.reference.level, first.reference.level)
         windows = replace(second.windows, values=second.windows.values * change)
@@ -54,6 +54,8 @@ def join_datasets(first: Dataset, folder: Path, target: str) -> Dataset:
         second = replace(second, windows=windows, to_level=to_level)
     if first.to_level is not None and second.to_level is not None:
         levels = np.concatenate([first.to_level, second.to_level])
+    if first.tested_level is not None and second.tested_level is not None:
+        tested = np.concatenate([first.tested_level, second.tested_level])
     return replace(
         first,
         windows=Windows.join([first.windows, second.windows]),
@@ -61,6 +63,7 @@ def join_datasets(first: Dataset, folder: Path, target: str) -> Dataset:
         trials=(*first.trials, *map(renamed, second.trials)),
         notes=(*first.notes, *(f"{folder.name}: {note}" for note in second.notes)),
         to_level=levels,
+        tested_level=tested,
         fingerprints={
             **first.fingerprints,
             **{f"{TEST_PREFIX}{name}": own for name, own in second.fingerprints.items()},

@@ -253,6 +253,7 @@ def test_an_auc_has_no_interval_where_many_draws_of_sessions_lack_a_class() -> N
 
     assert np.isnan(score_trials(y, found, two).auc_interval).all()
     assert np.isfinite(score_trials(y, found, many).auc_interval).all()
+    assert np.isnan(score_trials(y, found, np.full(24, "a")).auc_interval).all()
 
 
 def test_identical_crops_and_equal_lengths_are_not_judged_again() -> None:

@@ -24,7 +24,7 @@ def test_a_blend_is_half_as_sure_where_nothing_shows_what_a_new_session_does(
     usual, few = (
         choose(base, [prepare(base, config, 10)], range(16), held,
                Effort(budget=Budget(0.0, at_once=1))).choice()
-        for held in (Held(None), Held(None, few=True))
+        for held in (Held(None), Held(None, new="session"))
     )  # fmt: skip
 
     assert few.last == pytest.approx(FEW_SHARPNESS * usual.last)

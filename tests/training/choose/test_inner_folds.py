@@ -202,11 +202,19 @@ def test_where_new_sessions_come_and_too_few_were_learned_from_that_is_known():
     days = trials(day=[f"d{i // 8}" for i in range(24)])
     sides = range(8), range(8, 16)
 
-    assert what_is_held(days, ONE_CLASS[:24], *sides) == Held(None, few=True)
-    assert what_is_held(days, ONE_CLASS[:24], *sides, "day") == Held(None, few=True)
+    assert what_is_held(days, ONE_CLASS[:24], *sides) == Held(None, new="day")
+    assert what_is_held(days, ONE_CLASS[:24], *sides, "day") == Held(None, new="day")
+    assert Held(None, new="day").words == "successive trials (too few days to hold one out)"
     two = what_is_held(days, ONE_CLASS[:24], range(16), range(16, 24), "day")
     assert two == Held("day")
-    assert what_is_held(days, ONE_CLASS[:24], range(16), range(16, 24)) == Held(None, few=True)
+    assert what_is_held(days, ONE_CLASS[:24], range(16), range(16, 24)) == Held(None, new="day")
+
+
+def test_days_that_not_all_trials_name_are_new_all_the_same():
+    own = trials(Day=[f"d{i // 8}" for i in range(16)])
+    own[3].groups.pop("Day")
+
+    assert what_is_held(own, ONE_CLASS[:16], range(8), range(8, 16), "Day") == Held(None, new="Day")
 
 
 def test_days_on_both_sides_and_groups_that_are_no_sessions_are_not_new():
@@ -222,22 +230,34 @@ def test_blocks_of_the_only_day_do_not_show_what_another_day_does():
 
     held = what_is_held(own, ONE_CLASS[:24], range(12), range(12, 24), "day")
 
-    assert held == Held("block", few=True)
+    assert held == Held("block", new="day")
+    assert held.words == "whole blocks (too few days to hold one out)"
 
 
-def test_sessions_of_which_each_class_has_one_cannot_be_held_out():
-    own = trials(session=[f"s{i // 4}" for i in range(12)])
+def test_groups_of_which_each_class_has_one_cannot_be_held_out():
+    """Whether objects to come differ as sessions do was not measured."""
+    thirds = [str(i // 4) for i in range(12)]
+    own = trials(session=thirds, object=thirds)
     of_one_class, mixed = np.arange(12) // 4, np.arange(12) % 2
 
-    assert with_few(own, of_one_class, range(12), Held("session")) == Held("session", few=True)
+    few = with_few(own, of_one_class, range(12), Held("session"))
+    assert few == Held("session", new="session", single=True)
+    assert few.words == "successive trials (too few sessions to hold one out)"
     assert with_few(own, mixed, range(12), Held("session")) == Held("session")
     assert with_few(own, mixed, range(12), Held(None)) == Held(None)
+    objects = with_few(own, of_one_class, range(12), Held("object"))
+    assert objects == Held("object", single=True)
+    assert objects.words == "successive trials"
 
 
-def test_in_the_end_two_sessions_are_held_out_though_each_fold_learns_from_one():
+def test_in_the_end_two_days_are_held_out_though_each_fold_learns_from_one():
+    """Later takes, and a table whose only training side is all that is learned from, stay so."""
     own = trials(day=[f"d{i // 8}" for i in range(16)])
-    held = what_is_held(own, ONE_CLASS[:16], range(8), range(8, 16), "day")
+    takes = trials(day=[f"d{i // 8}" for i in range(16)], take=[str(i) for i in range(16)])
+    one, both = range(8), range(16)
+    held = what_is_held(own, ONE_CLASS[:16], one, range(8, 16), "day")
+    later = what_is_held(takes, ONE_CLASS[:16], one, range(8, 16), "take")
 
-    assert with_all(own, range(16), held, "day") == Held("day")
-    assert with_all(own, range(8), held, "day") == held == Held(None, few=True)
-    assert with_all(own, range(16), held, None) == held
+    assert with_all(own, one, both, held) == Held("day")
+    assert with_all(own, one, one, held) == held == Held(None, new="day")
+    assert with_all(takes, one, both, later) == later == Held("take", ordered=True, new="day")

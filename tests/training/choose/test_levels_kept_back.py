@@ -19,7 +19,7 @@ from taxel.training.recipes import find_recipe
 from taxel.training.run import contract_of
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import follow_levels, load_dataset
-from taxel.windows.joining import follow_apart
+from taxel.windows.joining import follow_apart, join_datasets
 from taxel.windows.scaling import Scaling
 
 
@@ -114,3 +114,24 @@ def test_what_a_recipe_keeps_back_has_no_part_in_the_usual_level(
     assert run.contract.usual == alone.usual
     assert run.contract.window.level_follow == "session:10"
     assert run.contract.trial_windows == 1
+
+
+def test_trials_of_the_other_folder_are_tested_in_order_of_time_too(
+    drifting: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "s5.mcap").write_bytes((drifting / "s5.mcap").read_bytes())
+    first = tmp_path / "first"
+    first.mkdir()
+    for number in range(5):
+        (first / f"s{number}.mcap").write_bytes((drifting / f"s{number}.mcap").read_bytes())
+    window = WindowConfig(steps=20, stride=20, gate=None, grid_hz=None, level_follow="session:10")
+    learned = load_dataset(first, window, target="kind")
+    both = join_datasets(learned, other, "kind")
+    last = np.arange(len(both), dtype=np.intp)[-1:]
+
+    assert len(both.trials) == 6 * TOUCHES
+    assert both.tested(last).values.tolist() == both.windows[last].values.tolist()
+    assert both.tested_level is not None
+    assert len(both.tested_level) == len(both.trials)

@@ -165,7 +165,7 @@ def read_first(case: Case) -> Reading:
 
 def _is_ahead(first: float, middle: float, trials: int) -> bool:
     """Return whether one accuracy, 0…1, is farther above another than so few trials give by
-    chance, as if they were not of the same trials, which is cautious.
+    chance, as if they were of different trials, so that fewer are called ahead than might be.
     """
     error = np.sqrt((first * (1 - first) + middle * (1 - middle)) / trials)
     return first - middle >= max(AHEAD, _ERRORS * float(error))

@@ -175,8 +175,9 @@ def _interval(found: list[float]) -> tuple[float, float]:
     """Return the middle 95 % of the draws; none where many gave no value (NaN), as those of few
     sessions that lack a class have no AUC: the others are no sample of all.
     """
-    known = np.isfinite(found).mean()
-    return percentile_interval(found) if known >= LEAST_DRAWS else NO_INTERVAL
+    known = np.isfinite(found).sum()
+    enough = known > 0 and known >= LEAST_DRAWS * len(found)
+    return percentile_interval(found) if enough else NO_INTERVAL
 
 
 def difference(

@@ -45,15 +45,17 @@ class Held:
     """A group of which whole values are held out; None for single trials."""
     ordered: bool = False
     """Whether what is held out comes after what is learned from, by numbers."""
-    few: bool = False
-    """Whether new sessions or the like are tested although too few were learned from to hold one
-    out: no inner fold shows what a new one does."""
+    new: str | None = None
+    """A group such as sessions whose new values are tested although too few were learned from to
+    hold one out: no inner fold shows what a new one does."""
+    single: bool = False
+    """Whether inner folds hold out single trials, as whole groups cannot be."""
 
     @property
     def words(self) -> str:
         """Return it in words."""
-        few = " (too few sessions to hold one out)" if self.few else ""
-        if self.key is None:
+        few = f" (too few {several(self.new)} to hold one out)" if self.new else ""
+        if self.key is None or self.single:
             return f"successive trials{few}"
         return f"{'successive' if self.ordered else 'whole'} {several(self.key)}{few}"
 
@@ -106,22 +108,26 @@ def what_is_held(
         grouped = least <= len(trained) <= len(train) / 2
         if not trained & others and (grouped or (ordered and len(trained) >= 3)):
             keys.append((key != named, len(trained), key not in USUAL_GROUPS, key, ordered))
-    few = any(
-        key.lower() in SESSIONS and _is_new_to_few(key, trials, train, test) for key in common
-    )
+    kinds = {key for i in train for key in trials[i].groups if key.lower() in SESSIONS}
+    few = [key for key in sorted(kinds) if _is_new_to_few(key, trials, train, test)]
+    new = named if named in few else next(iter(few), None)
     if not keys:
-        return Held(None, few=few)
+        return Held(None, new=new)
     *_, key, ordered = min(keys)
-    return Held(key, ordered, few and key.lower() not in SESSIONS)
+    return Held(key, ordered, None if key.lower() in SESSIONS else new)
 
 
 def _is_new_to_few(
     key: str, trials: Sequence[Trial], train: Sequence[int], test: Sequence[int]
 ) -> bool:
-    """Return whether a group's test values are new, and too few others are learned from."""
-    trained = {group_value(trials[i], key) for i in train}
-    new = trained.isdisjoint(group_value(trials[i], key) for i in test)
-    return new and len(trained) < LEAST_GROUPS and len(trained) <= len(train) / 2
+    """Return whether a group's test values are new, and too few others are learned from; trials
+    that name none say nothing.
+    """
+    trained, tested = (
+        {trials[i].groups[key] for i in own if key in trials[i].groups} for own in (train, test)
+    )
+    few = 0 < len(trained) < LEAST_GROUPS and len(trained) <= len(train) / 2
+    return few and bool(tested) and trained.isdisjoint(tested)
 
 
 def _later(
@@ -145,27 +151,28 @@ def _later(
 
 
 def with_all(
-    trials: Sequence[Trial], learned: Sequence[int], held: Held, named: str | None
+    trials: Sequence[Trial], train: Sequence[int], learned: Sequence[int], held: Held
 ) -> Held:
     """Return what inner folds hold out where more is learned from than in an outer fold: of two
     sessions each outer fold learns from one, in the end both are learned from.
 
     Args:
         trials: All of them.
-        learned: Indices of those that are learned from.
-        held: What an outer fold holds out.
-        named: The group that the split was asked to hold out, if any.
+        train: Indices of those that an outer fold learns from.
+        learned: Indices of those that are learned from in the end.
+        held: What the outer fold holds out.
     """
-    if not held.few or named is None:
+    if held.new is None or held.ordered:
         return held
-    values = {group_value(trials[i], named) for i in learned}
-    return Held(named) if None not in values and len(values) > 1 else held
+    before, values = ({trials[i].groups.get(held.new) for i in own} for own in (train, learned))
+    more = None not in values and len(values) > len(before)
+    return Held(held.new) if more else held
 
 
 def with_few(
     trials: Sequence[Trial], y: NDArray[np.intp], train: Sequence[int], held: Held
 ) -> Held:
-    """Return what is held out; `few` where inner folds of its groups cannot be made.
+    """Return what is held out, with what inner folds cannot hold out: single trials are, then.
 
     Args:
         trials: All of them.
@@ -176,8 +183,10 @@ def with_few(
     if held.key is None or held.ordered:
         return held
     names = _values([trials[i] for i in train], held.key)
-    few = _by_groups(names, y[np.asarray(train, np.intp)]) is None
-    return replace(held, few=held.few or few)
+    if _by_groups(names, y[np.asarray(train, np.intp)]) is not None:
+        return held
+    new = held.key if held.key.lower() in SESSIONS else held.new
+    return replace(held, single=True, new=new)
 
 
 def inner_folds(

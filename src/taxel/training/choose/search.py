@@ -353,7 +353,8 @@ class SearchResult:
         whole = np.log(np.maximum(joined(probabilities, blend), LEAST))
         last = fit_last(whole, y, len(set(trial)), later=self.held.ordered)
         inner = doubted(softmax(last * whole))
-        last *= FEW_SHARPNESS if self.held.few else 1.0  # what is joined stays half as sure, too
+        if self.held.new is not None:
+            last *= FEW_SHARPNESS  # and so what is joined, whose strength is fitted on `inner`
         final = doubted(softmax(last * whole))
         weight = {id(tried[i]): w for i, w in zip(blend.members, blend.weights, strict=True)}
         single = len(set(trial)) == len(trial)
