@@ -56,8 +56,8 @@ def test_colours_are_means_of_frames_side_by_side_and_of_one_image_once() -> Non
 
     image = np.full((60, 80, 3), (10, 20, 30), np.uint8)
     shown = {"picture": look_at_picture([image])[None, :, None]}
-    one = replace(trials, layout=Layout(1, 1), cut=replace(trials.cut, shown=shown))
-    assert_array_equal(colours(one), np.tile(np.float32([10, 20, 30]), 64)[None])
+    alone = replace(trials, layout=Layout(1, 1), cut=replace(trials.cut, shown=shown))
+    assert_array_equal(colours(alone), np.tile(np.float32([10, 20, 30]), 64)[None])
 
 
 def learning_of(rows: list[float], y: list[int], classes: int) -> Learning:

@@ -254,10 +254,10 @@ def test_in_the_end_two_days_are_held_out_though_each_fold_learns_from_one():
     """Later takes, and a table whose only training side is all that is learned from, stay so."""
     own = trials(day=[f"d{i // 8}" for i in range(16)])
     takes = trials(day=[f"d{i // 8}" for i in range(16)], take=[str(i) for i in range(16)])
-    one, both = range(8), range(16)
-    held = what_is_held(own, ONE_CLASS[:16], one, range(8, 16), "day")
-    later = what_is_held(takes, ONE_CLASS[:16], one, range(8, 16), "take")
+    first, both = range(8), range(16)
+    held = what_is_held(own, ONE_CLASS[:16], first, range(8, 16), "day")
+    later = what_is_held(takes, ONE_CLASS[:16], first, range(8, 16), "take")
 
-    assert with_all(own, one, both, held) == Held("day")
-    assert with_all(own, one, one, held) == held == Held(None, new="day")
-    assert with_all(takes, one, both, later) == later == Held("take", ordered=True, new="day")
+    assert with_all(own, first, both, held) == Held("day")
+    assert with_all(own, first, first, held) == held == Held(None, new="day")
+    assert with_all(takes, first, both, later) == later == Held("take", ordered=True, new="day")
