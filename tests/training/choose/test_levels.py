@@ -13,6 +13,7 @@ from taxel.bundles.reader import read_bundle
 from taxel.bundles.recordings import load_at_level
 from taxel.cli.main import main
 from taxel.errors import BadBundle
+from taxel.evaluation.baselines import trivial_right
 from taxel.evaluation.nested import check_choosing
 from taxel.evaluation.outer_split import OuterSplit
 from taxel.live.recogniser import Recogniser, SessionLevels, follower_of
@@ -23,7 +24,9 @@ from taxel.training.choose.inner_folds import Held
 from taxel.training.choose.levels import FEWEST_TOUCHES, level_note, level_to_follow
 from taxel.training.choose.preparations import prepare_all
 from taxel.training.choose.search import Effort, choose
+from taxel.training.unknown import fit_unknown
 from taxel.windows.config import WindowConfig
+from taxel.windows.scaling import Scaling
 from taxel.windows.windower import Windows
 
 
@@ -68,6 +71,27 @@ def test_held_out_trials_are_tested_in_order_of_time(drifting: Path) -> None:
         rtol=1e-5,
     )  # fmt: skip
     assert not np.allclose(dataset.to_level, dataset.tested_level)
+
+
+def test_simple_baselines_and_novelty_see_held_out_trials_as_they_are_tested(
+    drifting: Path,
+) -> None:
+    """With all of their values at 0, every one looks alike; or, far louder, like nothing known."""
+    dataset = prepare_all(base_of(drifting))[0].followed("session:10").dataset
+    assert dataset.tested_level is not None
+    silent = replace(dataset, tested_level=np.zeros_like(dataset.tested_level))
+    loud = replace(dataset, tested_level=50.0 * dataset.tested_level)
+    y = dataset.class_numbers("kind")
+    first = dataset.trial < len(dataset.trials) // 2
+    folds = [(np.flatnonzero(first), np.flatnonzero(~first))]
+    right, alike = (trivial_right(own, y, folds)["channel means"] for own in (dataset, silent))
+    none = np.zeros(2, np.float32)
+    scaling = Scaling(kind="none", offset=none, factor=none + 1)
+    usual, far = (fit_unknown(own, "kind", scaling) for own in (dataset, loud))
+
+    assert alike in np.bincount(y[~first]).tolist()
+    assert right not in np.bincount(y[~first]).tolist()
+    assert far.densities[0].windows.max() > 2.0 * usual.densities[0].windows.max()
 
 
 def test_levels_of_few_or_short_sessions_of_objects_or_of_nothing_are_not_tried(
