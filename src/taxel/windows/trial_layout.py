@@ -24,6 +24,11 @@ MOST_CROPS: Final = 3000
 """Of all trials, with those between the places: one of two cameras and 48 frames takes 0.5 s.
 Source of both: our choice, docs/decisions/0041."""
 
+SHIFTED_COPIES: Final = 3
+MOST_SHIFTED: Final = 3000
+"""Shifted copies of each crop, fewer where all crops would have more than so many. Source: our
+choice, docs/decisions/0041."""
+
 
 def choose_layout(lengths: Sequence[int], crop: int | None = None) -> Layout:
     """Return crops that fit into the shortest trial.
@@ -51,3 +56,8 @@ def count_between(layout: Layout, trials: int) -> int:
     if layout.places == 1:
         return 0
     return next((n for n in BETWEEN if trials * (layout.places + n) <= MOST_CROPS), BETWEEN[-1])
+
+
+def count_shifted(layout: Layout, trials: int) -> int:
+    """Return how many shifted copies of each crop of so many trials are learned from."""
+    return min(SHIFTED_COPIES, MOST_SHIFTED // (trials * layout.places))

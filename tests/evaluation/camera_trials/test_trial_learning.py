@@ -21,14 +21,14 @@ from taxel.bundles.engine import open_engine
 from taxel.evaluation.camera_trials.contenders import OURS
 from taxel.evaluation.camera_trials.crossval import judge_trials
 from taxel.evaluation.camera_trials.sides import split_trials
-from taxel.evaluation.camera_trials.trial_set import load_trial_set
+from taxel.evaluation.camera_trials.trial_set import Sight, load_trial_set
 from taxel.training.camera_trials.blend import MEMBERS, fit_blend
 from taxel.training.camera_trials.inner_folds import (
     classes_are_groups,
     held_out_parts,
     later_folds,
 )
-from taxel.training.camera_trials.learning import Crops, Learning
+from taxel.training.camera_trials.learning import Crops, Extras, Learning
 from taxel.training.camera_trials.member_weights import weigh
 from taxel.training.camera_trials.novelty import Novelty, novelty_threshold
 from taxel.training.camera_trials.onnx_graph import blend_to_onnx
@@ -54,16 +54,17 @@ def test_further_crops_and_mirror_images_stay_on_their_trials_side() -> None:
     """Other crops of test trials leave predictions unchanged, other ones of training do not."""
     trials = some_trials()
     first = trials.cut.place == 0
-    trials = replace(trials, further=Crops(trials.rows[first], trials.cut.trial[first]))
+    given = Crops(trials.rows[first], trials.cut.trial[first])
+    trials = replace(trials, extras=Extras(further=given))
     split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
     first_fold = replace(split, folds=split.folds[:1])
     held = first_fold.folds[0].test_rows
 
     def predicted(further: Crops | None) -> NDArray[np.float64]:
-        changed = replace(trials, further=further)
+        changed = replace(trials, extras=Extras(further=further))
         return judge_trials(changed, first_fold, 0, (OURS,))[0].probabilities[held]
 
-    further = trials.further
+    further = trials.extras.further
     assert further is not None
     before = predicted(further)
     tested = np.isin(further.trial, held)
@@ -85,9 +86,10 @@ def test_crops_that_are_only_learned_from_are_kept(
     trials = read_camera_trials(
         write_trials(tmp_path / "a", objects=2, each=2, shorter=4, cameras=cameras)
     )
-    load = partial(load_trial_set, trials, "slipped", tmp_path / "kept", further=True)
-    whole, again = load(), load().further
-    first = whole.further
+    sight = Sight(extras=True)
+    load = partial(load_trial_set, trials, "slipped", tmp_path / "kept", sight=sight)
+    whole, again = load(), load().extras.further
+    first = whole.extras.further
     assert first is not None
     assert first.rows.shape[1] == whole.widths["pixels"] + whole.widths["slip"]
     between = [own.name for own in (tmp_path / "kept" / "trials").glob("*-between-*")]
@@ -96,7 +98,7 @@ def test_crops_that_are_only_learned_from_are_kept(
     assert again is not None
     assert np.bincount(first.trial).tolist() == [crops] * len(trials)
     assert np.array_equal(first.rows, again.rows)
-    assert load_trial_set(trials, "slipped", tmp_path / "kept").further is None
+    assert load_trial_set(trials, "slipped", tmp_path / "kept").extras == Extras()
 
 
 def test_a_camera_alone_is_what_two_that_see_the_same_give() -> None:
@@ -189,15 +191,16 @@ def test_learning_from_some_trials_numbers_them_anew() -> None:
     learning = Learning(
         np.arange(8, dtype=np.float32)[:, None], np.repeat(np.arange(4), 2),
         np.array([0, 1, 0, 1]), np.array(list("aabb")), 2,
-        Crops(np.array([[10], [11], [13]], np.float32), np.array([0, 1, 3])),
+        Extras(Crops(np.array([[10], [11], [13]], np.float32), np.array([0, 1, 3]))),
     )  # fmt: skip
     part = learning.part(np.array([1, 3]))
     assert part.trial.tolist() == [0, 0, 1, 1]
     assert part.rows[:, 0].tolist() == [2, 3, 6, 7]
     assert part.groups.tolist() == ["a", "b"]
-    assert part.further is not None
-    assert part.further.trial.tolist() == [0, 1]
-    assert part.further.rows[:, 0].tolist() == [11, 13]
+    further = part.extras.further
+    assert further is not None
+    assert further.trial.tolist() == [0, 1]
+    assert further.rows[:, 0].tolist() == [11, 13]
 
 
 @pytest.mark.parametrize(
@@ -255,11 +258,11 @@ def test_a_member_that_drifts_loses_its_weight_where_later_trials_are_tested() -
     rows = np.column_stack([where, steady]).astype(np.float32)
     groups = np.array([f"g{at % 10}" for at in range(count)])
     learning = Learning(rows, np.arange(count), y, groups, 2)
-    by_group, _ = held_out_parts(learning, 0)
-    by_time, as_to_come = held_out_parts(replace(learning, order=time.astype(float)), 0)
-    assert as_to_come
+    by_group = held_out_parts(learning.y, learning.groups, None, 0)
+    by_time = held_out_parts(learning.y, learning.groups, time.astype(float), 0)
+    assert by_time.as_to_come
     errors = {}
-    for name, parts in (("group", by_group), ("time", by_time)):
+    for name, parts in (("group", by_group.parts), ("time", by_time.parts)):
         for columns in ((0, 1, 2, 3, 4), (5,)):
             wrong = [
                 (Steady(0.5).fit(rows[train][:, columns], y[train]).predict_proba(

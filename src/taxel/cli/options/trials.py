@@ -58,6 +58,7 @@ class TrialOptions:
         Raises:
             BadInput: The options or trials do not allow it.
         """
+        from taxel.evaluation.camera_trials.other_sessions import others_to_come
         from taxel.evaluation.camera_trials.trial_set import Sight, load_trial_set
         from taxel.training.frames.features import default_cache
         from taxel.windows.trial_crops import USUAL
@@ -69,9 +70,11 @@ class TrialOptions:
             self.cache or default_cache(),
             crop=self.crop,
             sight=Sight(
-                views=(*USUAL, *(("touch",) if self.touch else ())), network=self._network()
+                views=(*USUAL, *(("touch",) if self.touch else ())),
+                network=self._network(),
+                extras=True,
+                asked=others_to_come(labelled, split, self.seed),
             ),
-            further=True,
             on_trial=work.at,
         )
         return trials, split, found

@@ -25,7 +25,7 @@ from taxel.training.camera_trials.blend import (
     mean_of_crops,
     proba_of,
 )
-from taxel.training.camera_trials.learning import Crops, Learning
+from taxel.training.camera_trials.learning import Extras, Learning
 from taxel.windows.trial_crops import BAR as BAR_COLUMNS
 from taxel.windows.trial_crops import THUMB, numbers_of
 from taxel.windows.trial_picture import means_by_cell
@@ -138,8 +138,8 @@ class Contender:
     name: str
     rows: Callable[[TrialSet], Rows]
     model: Callable[[TrialSet, int, Callable[[str], None]], TrialModel]
-    further: Callable[[TrialSet], Crops | None] = lambda _: None
-    """Further crops that it learns from; none unless given."""
+    extras: Callable[[TrialSet], Extras] = lambda _: Extras()
+    """What it also learns from; nothing unless given."""
     leaks: str = ""
     """In what way it knows something else than what happens in the crop; empty for none."""
 
@@ -148,7 +148,7 @@ OURS: Final = Contender(
     name="taxel",
     rows=lambda trials: trials.rows,
     model=lambda trials, seed, step: Blended(trials.cameras, trials.widths, seed, step),
-    further=lambda trials: trials.further,
+    extras=lambda trials: trials.extras,
 )
 BAR: Final = Contender(
     name="bar: random forest on grey differences",

@@ -100,9 +100,7 @@ def _judge(
     on_step: Callable[[str], None],
 ) -> TrialResult:
     order = order_of(split, trials.groups, trials.y)
-    learning = trials.learning(
-        contender.rows(trials), split.group, contender.further(trials), order
-    )
+    learning = trials.learning(contender.rows(trials), split.group, contender.extras(trials), order)
     crops = np.full((len(trials.cut.trial), learning.classes), np.nan)
     probabilities = np.full((len(trials.y), learning.classes), np.nan)
     for fold in split.folds:

@@ -73,7 +73,7 @@ def fit_final(
         learned = split.folds[0].train_rows
     rows = trials.rows
     order = order_of(split, trials.groups, trials.y)
-    learning = trials.learning(rows, split.group, trials.further, order).part(learned)
+    learning = trials.learning(rows, split.group, trials.extras, order).part(learned)
     blend = fit_blend(learning, trials.cameras, trials.widths, seed, on_step=on_step)
     on_step("training: checking the bundle, and naming its trials")
     views, network = kept_views(trials, blend)

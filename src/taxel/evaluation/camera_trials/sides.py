@@ -28,6 +28,8 @@ from taxel.recordings.imports.video_rows import SPLIT, TEST
 from taxel.training.camera_trials.inner_folds import inner_folds
 from taxel.training.choose.inner_folds import what_is_held
 
+RANDOM: Final = "random trials"
+"""Name of the split that holds out single trials drawn at random."""
 _USUAL: Final = ("object", "session")
 """Groups that are held out unless something else is named. Source: our choice."""
 Groups = Sequence[Mapping[str, str]]
@@ -87,7 +89,7 @@ def split_trials(
     if words == ["random"]:
         names = np.arange(len(y)).astype(str)
         parts = _folds(names, y, (folds, seed), classes)
-        return TrialSplit("random trials", parts, interval_group(groups) or "trial")
+        return TrialSplit(RANDOM, parts, interval_group(groups) or "trial")
     raise BadSplit(
         "a split: group:KEY, order:KEY:LAST, order:KEY:70%[:by-class], random, or split for the "
         "column of that name", repr(text),

@@ -6,7 +6,7 @@ Knows nothing about splits, models or screens.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
@@ -18,28 +18,34 @@ from numpy.typing import NDArray
 from taxel.bundles.contract import RATE_RANGE
 from taxel.errors import BadDataset
 from taxel.labels.class_order import in_order, refuse_reserved
-from taxel.training.camera_trials.features import TrialRows, further_crops, trial_rows
+from taxel.training.camera_trials.features import TrialRows, further_crops, moved_crops, trial_rows
 from taxel.training.camera_trials.image_network import ImageNetwork
-from taxel.training.camera_trials.learning import Crops, Learning
+from taxel.training.camera_trials.learning import Extras, Learning
 from taxel.windows.camera_trials import CameraTrial
 from taxel.windows.trial_crops import LARGEST_RATIO, MOVEMENT, USUAL, Layout
-from taxel.windows.trial_layout import choose_layout, count_between
+from taxel.windows.trial_layout import choose_layout, count_between, count_shifted
+from taxel.windows.trial_shifts import ASKED, SHIFTED
 
 Rows = NDArray[np.float32]
 
 JUDGED: Final = "features of trials"
 LEARNED: Final = "features of further crops, only learned from"
+COPIED: Final = "features of shifted copies"
 """The passes over the trials."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sight:
-    """What crops are looked at with."""
+    """What crops are looked at with, and which others beside those that trials are judged by."""
 
     views: tuple[str, ...] = USUAL
     """Names in `FAMILIES`, but for the image network's."""
     network: ImageNetwork | None = None
     """An image network to look through, too."""
+    extras: bool = False
+    """Whether further crops and shifted copies are made to learn from."""
+    asked: bool = False
+    """Whether a shifted copy of each crop is made to compare models on."""
 
     @property
     def all_views(self) -> tuple[str, ...]:
@@ -73,8 +79,9 @@ class TrialSet(LabelledTrials):
     cameras: int
     layout: Layout
     cut: TrialRows
-    further: Crops | None = None
-    """Crops that are only learned from, of the views of movement, which stand first."""
+    extras: Extras = field(default_factory=Extras)
+    """What is only learned from: further crops of the views of movement, which stand first, and
+    shifted copies of pictures."""
     network: ImageNetwork | None = None
     """What the view of that name looked through; None where there is no such view."""
 
@@ -92,7 +99,7 @@ class TrialSet(LabelledTrials):
         self,
         rows: Rows,
         group: str,
-        further: Crops | None = None,
+        extras: Extras | None = None,
         order: NDArray[np.float64] | None = None,
     ) -> Learning:
         """Return all crops with these rows; trials that lack the group stand alone.
@@ -100,13 +107,14 @@ class TrialSet(LabelledTrials):
         Args:
             rows: Shape (n, columns): of the crops, in their order.
             group: What is held out whole.
-            further: Crops that are only learned from.
+            extras: What helps to learn; nothing unless given.
             order: Shape (trials,): numbers that grow from earlier to later trials, where later ones
                 are tested.
         """
         values = [own.get(group, f"trial {i}") for i, own in enumerate(self.groups)]
+        own = extras or Extras()
         return Learning(
-            rows, self.cut.trial, self.y, np.array(values), len(self.classes), further, order
+            rows, self.cut.trial, self.y, np.array(values), len(self.classes), own, order
         )
 
 
@@ -151,7 +159,6 @@ def load_trial_set(
     *,
     crop: int | None = None,
     sight: Sight = Sight(),
-    further: bool = False,
     on_trial: Callable[[str, int, int], None] = lambda name, done, of: None,
 ) -> TrialSet:
     """Return trials with their label, cut and looked at.
@@ -162,7 +169,6 @@ def load_trial_set(
         cache: Folder for what is computed.
         crop: Frames in a crop; chosen by the shortest trial unless given.
         sight: What they are looked at with.
-        further: Whether there are crops that are only learned from, too.
         on_trial: Called with the pass over the trials, trials done and in all.
 
     Raises:
@@ -191,12 +197,6 @@ def load_trial_set(
         )  # fmt: skip
     views, network = sight.all_views, sight.network
     cut = trial_rows(trials, layout, views, cache, partial(on_trial, JUDGED), network=network)
-    moving = tuple(takewhile(MOVEMENT.__contains__, views))
-    count = count_between(layout, len(trials)) if further and moving else 0
-    between = None
-    if count:
-        on_between = partial(on_trial, LEARNED)
-        between = trial_rows(trials, layout, moving, cache, on_between, between=count)
     return TrialSet(
         target=labelled.target,
         classes=labelled.classes,
@@ -207,9 +207,38 @@ def load_trial_set(
         cameras=len(trials[0].cameras),
         layout=layout,
         cut=cut,
-        further=further_crops(cut, between, moving) if further and moving else None,
+        extras=_extras(trials, layout, cut, sight, cache, on_trial),
         network=sight.network,
     )
+
+
+def _extras(
+    trials: Sequence[CameraTrial],
+    layout: Layout,
+    cut: TrialRows,
+    sight: Sight,
+    cache: Path,
+    on_trial: Callable[[str, int, int], None],
+) -> Extras:
+    """Return what helps to learn: further crops and shifted copies, and copies to compare on."""
+    views, network = sight.all_views, sight.network
+    further = moved = asked = None
+    moving = tuple(takewhile(MOVEMENT.__contains__, views))
+    if sight.extras and moving:
+        between = None
+        if count := count_between(layout, len(trials)):
+            on_between = partial(on_trial, LEARNED)
+            between = trial_rows(trials, layout, moving, cache, on_between, between=count)
+        further = further_crops(cut, between, moving)
+    on_copy = partial(on_trial, COPIED)
+    seen = tuple(name for name in views if name in SHIFTED)
+    if sight.extras and seen and (count := count_shifted(layout, len(trials))):
+        moved = moved_crops(cut, trial_rows(trials, layout, seen, cache, on_copy, copies=count))
+    seen = tuple(name for name in views if name in ASKED)
+    if sight.asked and seen:
+        own = trial_rows(trials, layout, seen, cache, on_copy, copies=1, network=network)
+        asked = moved_crops(cut, own)
+    return Extras(further, moved, asked)
 
 
 def _only_label(trials: Sequence[CameraTrial]) -> str:

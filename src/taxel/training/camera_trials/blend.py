@@ -11,14 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
 
-from taxel.training.camera_trials.inner_folds import Parts, held_out_parts
+from taxel.training.camera_trials.inner_folds import HeldOut, Parts, held_out_parts
 from taxel.training.camera_trials.learning import Crops, Learning, Rows
 from taxel.training.camera_trials.member_weights import log_loss, sharpen, sharpened, trusted, weigh
 from taxel.training.camera_trials.novelty import (
@@ -63,6 +63,9 @@ class TrialMember:
     further: bool = False
     """Whether it learns from further crops too, of which movement alone is kept: those between the
     places, and each camera alone."""
+
+    shifted: bool = False
+    """Whether it may learn from shifted copies of the crops too; inner folds decide."""
 
     @property
     def kind(self) -> str:
@@ -117,17 +120,20 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
         make=lambda seed, trees, width: Steady(0.5), further=True,
     ),
     TrialMember(
-        name="extra-trees on everything", views=EVERYTHING, make=extra, mirrored=True
+        name="extra-trees on everything", views=EVERYTHING, make=extra, mirrored=True,
+        shifted=True,
     ),
-    TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra),
+    TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra, shifted=True),
     TrialMember(
         name="discriminant on everything", views=EVERYTHING,
-        make=lambda seed, trees, width: Steady(0.5), mirrored=True,
+        make=lambda seed, trees, width: Steady(0.5), mirrored=True, shifted=True,
     ),
-    TrialMember(name="extra-trees on the picture", views={"picture": ()}, make=extra),
+    TrialMember(
+        name="extra-trees on the picture", views={"picture": ()}, make=extra, shifted=True
+    ),
     TrialMember(
         name="discriminant on the picture", views={"picture": ()},
-        make=lambda seed, trees, width: Steady(0.5),
+        make=lambda seed, trees, width: Steady(0.5), shifted=True,
     ),
     TrialMember(
         name="discriminant on the image network", views={"network": ()},
@@ -191,28 +197,32 @@ def fit_blend(
         members: What to blend; those whose views are not there are left out.
         on_step: Called with a line before each fit.
     """
-    members = [member for member in members if set(member.views) <= set(widths)]
+    seen = [member for member in members if set(member.views) <= set(widths)]
+    members = [way for member in seen for way in _ways(member, learning)]
     columns = [member.columns(cameras, widths) for member in members]
     images = mirrors(widths, cameras)
     novel = novelty_columns(widths)
-    parts, as_to_come = held_out_parts(learning, seed)
-    held_out = _held_out(learning, members, columns, images, seed, parts, on_step)
-    novelty = _novelty_held_out(learning, parts, novel)
+    held = held_out_parts(learning.y, learning.groups, learning.order, seed)
+    held_out, trial = _held_out(learning, members, columns, images, seed, held, on_step)
+    novelty = _novelty_held_out(learning, held.parts, novel)
+    y = learning.y[trial]
+    losses = [log_loss(held_out[:, i], y) if len(y) else 0.0 for i in range(len(members))]
+    better = _better(members, losses)
+    held_out, losses = held_out[:, better], [losses[i] for i in better]
+    members, columns = [members[i] for i in better], [columns[i] for i in better]
     prior = np.array([member.prior for member in members])
     weights = prior / prior.sum() if prior.any() else np.full(len(members), 1 / len(members))
     sharpness, inner = 1.0, {}
-    if parts:
-        judged = np.isfinite(held_out[:, 0, 0])
-        held_out, y = held_out[judged], learning.y[judged]
+    if len(y):
         kinds = np.array([member.kind for member in members])
-        groups = len(set(learning.groups[judged].tolist()))
+        groups = len(set(learning.groups[trial].tolist()))
         weights = weigh(held_out, y, trusted(held_out, y, groups, prior, kinds))
         weights[weights < min(LEAST_WEIGHT, weights.max())] = 0.0
         weights /= weights.sum()
         mixed = np.asarray(np.einsum("tmc,m->tc", held_out, weights), np.float64)
-        if as_to_come:
+        if held.as_to_come:
             sharpness = sharpen(mixed, y)
-        inner = {member.name: log_loss(held_out[:, i], y) for i, member in enumerate(members)}
+        inner = {member.name: loss for member, loss in zip(members, losses, strict=True)}
         inner["blend"] = log_loss(sharpened(mixed, sharpness), y)
     kept = np.flatnonzero(weights)
     on_step("all trials")
@@ -231,6 +241,24 @@ def fit_blend(
     )
 
 
+def _ways(member: TrialMember, learning: Learning) -> tuple[TrialMember, ...]:
+    """Return a member with shifted copies and without, where it may learn from them."""
+    if not member.shifted or learning.extras.moved is None:
+        return (replace(member, shifted=False),)
+    return member, replace(member, shifted=False)
+
+
+def _better(members: Sequence[TrialMember], losses: Sequence[float]) -> list[int]:
+    """Return which of the members remain: of two ways of each the one with the lower log-loss, the
+    first where they are level.
+    """
+    best: dict[str, int] = {}
+    for place, member in enumerate(members):
+        if member.name not in best or losses[place] < losses[best[member.name]]:
+            best[member.name] = place
+    return list(best.values())
+
+
 def _fit(
     member: TrialMember,
     learning: Learning,
@@ -239,15 +267,21 @@ def _fit(
     seed: int,
     trees: int,
 ) -> Any:
-    """Return a member that has learned from crops, and from their mirror images if it does."""
+    """Return a member that has learned from crops, and from their mirror images and shifted copies
+    if it does.
+    """
     crops = [Crops(learning.rows, learning.trial)]
-    if member.further and learning.further is not None:
-        crops.append(learning.further)
+    if member.further and learning.extras.further is not None:
+        crops.append(learning.extras.further)
     seen = [own.rows[:, columns] for own in crops]
     trial = [own.trial for own in crops]
     for image in images if member.mirrored else ():
         seen += [image.apply(own.rows, columns) for own in crops]
         trial += [own.trial for own in crops]
+    if member.shifted and learning.extras.moved is not None:
+        moved = learning.extras.moved
+        seen.append(moved.copies(learning.rows, columns))
+        trial.append(learning.trial[moved.crop])
     model = member.make(seed, trees, len(columns))
     return model.fit(np.concatenate(seen), learning.y[np.concatenate(trial)])
 
@@ -270,22 +304,30 @@ def _held_out(
     columns: Sequence[NDArray[np.intp]],
     images: Sequence[Mirror],
     seed: int,
-    parts: Parts,
+    held: HeldOut,
     on_step: Callable[[str], None],
-) -> NDArray[np.float64]:
-    """Return members' predictions for held-out trials, shape (trials, members, classes).
-
-    NaN for trials that no fold tests.
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Return members' predictions for held-out trials, shape (n, members, classes), and which
+    trial each is for, shape (n,): once as it is, and again as its shifted copy where single trials
+    are held out and there are copies to ask about.
     """
-    probabilities = np.full((len(learning.y), len(members), learning.classes), np.nan)
-    for number, (train, test) in enumerate(parts, start=1):
+    found, trials = [np.empty((0, len(members), learning.classes))], [np.empty(0, np.intp)]
+    for number, (train, test) in enumerate(held.parts, start=1):
         own, other = learning.part(train), learning.part(test)
+        asked = [Crops(other.rows, other.trial)]
+        if held.single and (copies := other.extras.asked) is not None:
+            rows = copies.copies(other.rows, np.arange(other.rows.shape[1]))
+            asked.append(Crops(rows, other.trial[copies.crop]))
         on_step(f"inner fold {number}")
+        probabilities = np.empty((len(asked), len(test), len(members), learning.classes))
         for index, member in enumerate(members):
             model = _fit(member, own, columns[index], images, seed, INNER_TREES)
-            crops = proba_of(model, other.rows[:, columns[index]], learning.classes)
-            probabilities[test, index] = mean_of_crops(crops, other.trial)
-    return probabilities
+            for place, crops in enumerate(asked):
+                each = proba_of(model, crops.rows[:, columns[index]], learning.classes)
+                probabilities[place, :, index] = mean_of_crops(each, crops.trial)
+        found += list(probabilities)
+        trials += [test] * len(asked)
+    return np.concatenate(found), np.concatenate(trials)
 
 
 def _novelty_held_out(

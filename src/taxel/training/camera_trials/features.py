@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.training.camera_trials.image_network import ImageNetwork
-from taxel.training.camera_trials.learning import Crops
+from taxel.training.camera_trials.learning import Crops, Moved
 from taxel.training.frames.features import load_kept, save_kept
 from taxel.windows.camera_trials import CameraTrial, Image
 from taxel.windows.trial_crops import (
@@ -26,6 +27,7 @@ from taxel.windows.trial_crops import (
     row_of,
     rows_alone,
 )
+from taxel.windows.trial_shifts import VERSION, shifted, stills_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +62,7 @@ def trial_rows(
     on_trial: Callable[[int, int], None] = lambda done, of: None,
     *,
     between: int = 0,
+    copies: int = 0,
     network: ImageNetwork | None = None,
 ) -> TrialRows:
     """Return what all crops show, from the cache where it has it.
@@ -71,13 +74,14 @@ def trial_rows(
         cache: Folder to keep files in.
         on_trial: Called with trials done and in all.
         between: So many crops between the places instead, which are only learned from.
+        copies: So many shifted copies of each crop instead, by which no trial is judged.
         network: What the family of that name looks through.
 
     Raises:
         RecordingFailed: The disk refused.
         BadTable: A video cannot be read.
     """
-    cuts = _Cuts(layout, between, network)
+    cuts = _Cuts(layout, between, copies, network)
     shown: dict[str, list[NDArray[np.float32]]] = {name: [] for name in families}
     for done, trial in enumerate(trials, start=1):
         for name, values in _shown(trial, cuts, families, cache).items():
@@ -85,8 +89,8 @@ def trial_rows(
         on_trial(done, len(trials))
     whole = {name: np.concatenate(parts) for name, parts in shown.items()}
     places = cuts.places
-    count = len(trials) * places
-    each = [row_of({name: whole[name][at] for name in families}) for at in range(count)]
+    crops = range(len(trials) * places)
+    each = [row_of({name: whole[name][at] for name in families}) for at in crops]
     return TrialRows(
         rows={name: np.stack([row[name] for row in each]) for name in families},
         shown=whole,
@@ -116,6 +120,20 @@ def further_crops(cut: TrialRows, between: TrialRows | None, views: Sequence[str
     )
 
 
+def moved_crops(cut: TrialRows, copied: TrialRows) -> Moved:
+    """Return shifted copies of crops, by which no trial is judged.
+
+    Args:
+        cut: Crops that trials are judged by.
+        copied: Their copies, as many of each, of some of those views.
+    """
+    ends = np.cumsum([own.shape[1] for own in cut.rows.values()])
+    end = dict(zip(cut.rows, ends.tolist(), strict=True))
+    columns = [np.arange(end[name] - own.shape[1], end[name]) for name, own in copied.rows.items()]
+    crop = np.repeat(np.arange(len(cut.trial)), len(copied.trial) // len(cut.trial))
+    return Moved(copied.whole, crop, np.asarray(np.concatenate(columns), np.intp))
+
+
 def _alone(cut: TrialRows, views: Sequence[str]) -> Crops:
     rows = [
         np.concatenate(list(row.values()))
@@ -127,12 +145,13 @@ def _alone(cut: TrialRows, views: Sequence[str]) -> Crops:
 
 @dataclass(frozen=True, slots=True)
 class _Cuts:
-    """Where crops start: those a trial is judged by (`between` 0), or crops between them; and what
-    looks at them.
+    """Where crops start: those a trial is judged by (`between` 0), or crops between them; of how
+    many shifted copies of each, in place of itself; and what looks at them.
     """
 
     layout: Layout
     between: int
+    copies: int = 0
     network: ImageNetwork | None = None
 
     def starts(self, frames: int) -> list[int]:
@@ -142,13 +161,14 @@ class _Cuts:
 
     @property
     def places(self) -> int:
-        return len(self.starts(self.layout.crop))
+        return len(self.starts(self.layout.crop)) * max(1, self.copies)
 
     @property
     def key(self) -> str:
         """Name for the cache."""
         between = f"-between-{self.between}" if self.between else ""
-        return f"{self.layout.crop}x{self.layout.places}{between}"
+        shifted = f"-{VERSION}-{self.copies}" if self.copies else ""
+        return f"{self.layout.crop}x{self.layout.places}{between}{shifted}"
 
 
 def _shown(
@@ -191,6 +211,18 @@ def _compute(
         scenes = [Scene(own, trial.rate_hz, scale, cuts.network) for own in images]
         return look_at(families, scenes)
 
+    def look_at_all(number: int, images: list[list[Image]]) -> list[dict[str, NDArray[np.float32]]]:
+        if not cuts.copies:
+            return [look(images)]
+        if "network" not in families:  # the others look at three of a crop's images
+            images = [stills_of(own) for own in images]
+        seed = int(trial.digest[:8], 16), number
+        return [
+            look([shifted(own, (*seed, copy, camera)) for camera, own in enumerate(images)])
+            for copy in range(cuts.copies)
+        ]
+
     # map lets go of each crop before the next is read
-    each = list(map(look, trial.crops(cuts.starts(trial.frames), cuts.layout.crop)))
+    crops = trial.crops(cuts.starts(trial.frames), cuts.layout.crop)
+    each = [found for copies in map(look_at_all, count(), crops) for found in copies]
     return {name: np.stack([found[name] for found in each]) for name in families}

@@ -8,13 +8,13 @@ Source: docs/decisions/0041.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from sklearn.model_selection import StratifiedGroupKFold
 
-from taxel.training.camera_trials.learning import Learning
 from taxel.training.choose.inner_folds import FIRST_TESTED, FOLDS, later_blocks
 
 INNER_FOLDS: Final = 5
@@ -24,24 +24,39 @@ Parts = list[tuple[NDArray[np.intp], NDArray[np.intp]]]
 """Training and test trials of each fold."""
 
 
-def held_out_parts(learning: Learning, seed: int) -> tuple[Parts, bool]:
-    """Return inner folds, and whether what they hold out is as what is to come.
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """What inner folds hold out."""
+
+    parts: Parts
+    as_to_come: bool
+    """Whether it is as what is to come, as far as is known."""
+    single: bool
+    """Whether it is single trials, though those to come may be of other sessions."""
+
+
+def held_out_parts(
+    y: NDArray[np.intp], groups: NDArray[np.str_], order: NDArray[np.float64] | None, seed: int
+) -> HeldOut:
+    """Return inner folds.
 
     Later trials are held out where such are tested; else groups; else, where no folds over groups
     can be made (a class of one group only), single trials, which flatter unless every class is a
     group of its own.
 
     Args:
-        learning: What is learned from.
+        y: Shape (trials,): class of those that are learned from.
+        groups: Shape (trials,).
+        order: As in `Learning`.
         seed: Of the folds.
     """
-    y, groups = learning.y, learning.groups
-    if learning.order is not None and (parts := later_folds(y, learning.order)):
-        return parts, True
+    if order is not None and (parts := later_folds(y, order)):
+        return HeldOut(parts, as_to_come=True, single=False)
     if parts := inner_folds(y, groups, seed):
-        return parts, True
-    alone = np.arange(len(y)).astype(str)
-    return inner_folds(y, alone, seed), classes_are_groups(y, groups)
+        return HeldOut(parts, as_to_come=True, single=len(set(groups.tolist())) == len(y))
+    parts = inner_folds(y, np.arange(len(y)).astype(str), seed)
+    known = classes_are_groups(y, groups)
+    return HeldOut(parts, as_to_come=known, single=not known)
 
 
 def later_folds(y: NDArray[np.intp], order: NDArray[np.float64]) -> Parts:
