@@ -55,7 +55,8 @@ class BundleScores:
     windows: int
     trials: int
     accuracy: float
-    """Share of windows predicted correctly, 0…1; UNKNOWN counts as wrong."""
+    """Share of windows predicted correctly, 0…1; UNKNOWN counts as wrong, and as correct where the
+    bundle does not know the class."""
     interval: tuple[float, float]
     """95 % CI of it, bootstrapped over `interval_group`; NaN with one of them."""
     interval_group: str
