@@ -92,6 +92,20 @@ def test_a_score_says_it_of_a_session_with_lower_gains(
     assert "channel 2 never changes in these recordings" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(("gain", "noted"), [(1000.0, True), (0.001, True), (3.0, False)])
+def test_a_score_says_where_values_are_in_another_unit(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], gain: float, noted: bool
+) -> None:
+    other = _set(tmp_path / "other", gain=gain)
+    capsys.readouterr()
+
+    main(["evaluate", str(bundle), str(other)])
+    printed = " ".join(capsys.readouterr().out.split())
+
+    assert ("times as much within a window as in training: check whether they are in N" in printed
+            ) == noted  # fmt: skip
+
+
 def test_a_bundle_keeps_how_its_channels_moved(bundle: Path) -> None:
     motion = read_bundle(bundle).contract.motion
 
