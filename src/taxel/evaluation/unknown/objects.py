@@ -90,8 +90,7 @@ def find_unknown(
     key = config.group or coarsest_group(known.trials)
     split = by_group(known, config.target, key, config.folds, config.seed)
     windows, grasps = [], []
-    for number, fold in enumerate(split.folds, 1):
-        assert isinstance(fold, TrialFold)
+    for number, fold in enumerate(split.trial_folds, 1):
         result = _one_fold(dataset, np.flatnonzero(kinds == ""), kinds, fold, key, config)
         windows.append(result[0])
         grasps.append(result[1])
