@@ -113,8 +113,8 @@ class CdrReader:
 
     def _number(self, form: struct.Struct) -> int | float:
         self._at += -self._at % form.size
-        (value,) = form.unpack(self._take(form.size))
-        return value  # type: ignore[no-any-return]
+        value: int | float = form.unpack(self._take(form.size))[0]
+        return value
 
     def _take(self, size: int) -> bytes:
         end = self._at + size

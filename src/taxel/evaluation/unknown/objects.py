@@ -120,11 +120,12 @@ def leave_each_out(
     refused: dict[str, str] = {}
     for name in classes:
         kinds = kinds_of(dataset, config.target, [name])
+
+        def say(line: str, name: str = name) -> None:
+            on_step(f"without {name} · {line}")
+
         try:
-            results[name] = find_unknown(
-                dataset, kinds, config,
-                lambda line, name=name: on_step(f"without {name} · {line}"),  # type: ignore[misc]
-            )  # fmt: skip
+            results[name] = find_unknown(dataset, kinds, config, say)
         except BadInput as error:
             if len(refused) == len(classes) - 1:
                 raise

@@ -55,7 +55,7 @@ RELEASE_S = 0.03
 """Time constant of a pad that springs back from a lost cup. Our choice: two frames."""
 GONE_MM = 40.0
 """A lost cup has fallen out of every image. Our choice: twice the pad's width."""
-_HANG_S = 0.6
+HANG_S = 0.6
 """How long the empty cup hangs before time zero."""
 
 
@@ -177,7 +177,7 @@ class PourSim:
         self._speed = np.zeros(3)
         self._normal_n = run.force_n
         self._sliding = np.zeros(2)
-        for _ in range(round(_HANG_S / STEP_S)):
+        for _ in range(round(HANG_S / STEP_S)):
             self._advance(0.0 if self._stands else run.force_n, STEP_S, hanging=True)
         if self._stands and run.approach is None:  # gripped as it stands: nothing is sheared yet
             self._normal_n = run.force_n

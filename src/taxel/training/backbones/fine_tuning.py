@@ -321,7 +321,7 @@ def _launched(config: FineTuneConfig) -> Any:
         raise MissingExtra("lightning-fabric", "fine-tune", "training end to end") from error
     logging.getLogger("lightning_fabric").setLevel(logging.WARNING)  # its advice is of no use here
     # Fabric sees torchrun's processes, but takes one of them where the device is a processor.
-    local, world = (int(os.environ.get(name, 0)) for name in ("LOCAL_WORLD_SIZE", "WORLD_SIZE"))
+    local, world = (int(os.environ.get(name, "0")) for name in ("LOCAL_WORLD_SIZE", "WORLD_SIZE"))
     fabric = Fabric(
         accelerator=config.accelerator,
         precision=config.precision,
