@@ -107,6 +107,7 @@ class WindowFold:
         return self.train, self.test
 
 
+_fold = TrialFold.of
 Fold = TrialFold | WindowFold
 
 
@@ -231,7 +232,7 @@ def by_group(
     last = max(groups.tolist()) if final else None
     rest = everyone[groups != last] if final else everyone
     parts = _group_folds(dataset, target, groups, rest, folds, seed)
-    final_fold = TrialFold.of("test", rest, everyone[groups == last]) if final else None
+    final_fold = _fold("test", rest, everyone[groups == last]) if final else None
     return Split(f"{key} held out", parts, final_fold, key)
 
 
@@ -252,7 +253,7 @@ def by_order(dataset: Dataset, target: str, key: str, last: float, end: float = 
             f"choose a number between {numbers.min():g} and {numbers.max():g}",
         )  # fmt: skip
     name = f"{key} up to {last:g} → above" + (f", up to {end:g}" if np.isfinite(end) else "")
-    fold = TrialFold.of(name, before, after)
+    fold = _fold(name, before, after)
     check_classes(dataset, target, fold, by_class_too(key))
     return Split(name, (fold,), None, key)
 
@@ -344,7 +345,7 @@ def _group_folds(
     if len(names) < 2:
         raise BadSplit("at least two groups to hold out", f"{len(names)}", "record more of them")
     if len(names) <= folds:
-        parts = [TrialFold.of(f"without {n}", rest[own != n], rest[own == n]) for n in names]
+        parts = [_fold(f"without {n}", rest[own != n], rest[own == n]) for n in names]
         if _all_classes(dataset, target, parts):
             return tuple(parts)
     from sklearn.model_selection import StratifiedGroupKFold
@@ -360,7 +361,7 @@ def _group_folds(
         splitter = StratifiedGroupKFold(count, shuffle=True, random_state=seed + 1000 * attempt)
         held = [set(owners[out]) for _, out in splitter.split(y, y, owners)]
         sides = [np.isin(own, list(out)) for out in held]
-        parts = [TrialFold.of(f"fold {i}", rest[~out], rest[out]) for i, out in enumerate(sides, 1)]
+        parts = [_fold(f"fold {i}", rest[~out], rest[out]) for i, out in enumerate(sides, 1)]
         if all(held) and _all_classes(dataset, target, parts):
             return tuple(parts)
     raise BadSplit(
