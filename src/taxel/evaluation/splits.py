@@ -275,8 +275,7 @@ def by_share(
     """
     y = np.array([trial.labels[target] for trial in dataset.trials])
     first, name = first_share(key, dataset.group(key), y, text, by_class=by_class)
-    return Split(name, (TrialFold.of(name, np.flatnonzero(first), np.flatnonzero(~first)),),
-                 None, key)  # fmt: skip
+    return Split(name, (_fold(name, np.flatnonzero(first), np.flatnonzero(~first)),), None, key)
 
 
 def check_classes(dataset: Dataset, target: str, fold: TrialFold, also: str = "") -> None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import at_level
 from taxel.bundles.levels import measure_level
-from taxel.evaluation.adaptation.new_class import AdaptConfig, by_session, run_of
+from taxel.evaluation.adaptation.held_sessions import AdaptConfig, by_session, run_of
 from taxel.evaluation.metrics import by_trial
 from taxel.evaluation.robustness.touches import recorded
 from taxel.labels.joined import joined_label
