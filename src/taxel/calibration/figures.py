@@ -20,6 +20,7 @@ from taxel.calibration.curves import Curve, Form
 from taxel.plotting import drawn_name, finished, plt
 
 _ACROSS = 4
+"""Small pictures in a row of a figure."""
 _UP, _DOWN, _GREY, _RED = "#4477aa", "#ee8844", "#9aa3ad", "#bb3344"
 
 Document = Mapping[str, Any]

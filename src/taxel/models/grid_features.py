@@ -60,7 +60,7 @@ class Grid(NamedTuple):
 
     @property
     def channels(self) -> NDArray[np.int64]:
-        """Return the channels' numbers row by row."""
+        """The channels' numbers row by row, shape (rows · columns,)."""
         row, column = np.indices((self.rows, self.columns)).reshape(2, -1)
         return np.asarray(self.first + row * self.down + column * self.across)
 

@@ -95,14 +95,22 @@ class CdrReader:
         return self._take(self.count())
 
     def text(self) -> str:
-        """Take a string."""
+        """Take a string.
+
+        Raises:
+            ValueError: It does not end where it says, or is not UTF-8.
+        """
         content = self.data()
         if not content.endswith(b"\0"):
             raise ValueError("a text does not end where it says")
         return content[:-1].decode()
 
     def pairs(self) -> dict[str, str]:
-        """Take diagnostic_msgs/KeyValue[], each name once."""
+        """Take diagnostic_msgs/KeyValue[].
+
+        Raises:
+            ValueError: A name stands twice, or a text is damaged.
+        """
         found: dict[str, str] = {}
         for _ in range(self.count()):
             name = self.text()

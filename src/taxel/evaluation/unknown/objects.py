@@ -75,7 +75,7 @@ def find_unknown(
 
     Args:
         dataset: Known and unknown trials.
-        kinds: As `kinds_of` gives them.
+        kinds: Of each trial, shape (trials,), as `kinds_of` gives them.
         config: What to run.
         on_step: Called with a line after each fold.
 

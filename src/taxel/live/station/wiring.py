@@ -36,6 +36,7 @@ from taxel.signals import CameraInfo, SensorInfo
 _RING_BYTES = 16 * 2**20
 """Of a source: six seconds of two cameras at 60 Hz. Source: our choice."""
 _NOTE_BYTES = 2**18
+"""Of a ring of notes: some hundreds of decisions. Source: our choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
