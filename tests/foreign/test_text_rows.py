@@ -37,6 +37,13 @@ def test_a_cell_that_is_too_long_is_refused_in_one_line(tmp_path: Path) -> None:
         rows_of(path, 10**6)
 
 
-def test_so_it_is_in_a_log_of_trials(tmp_path: Path) -> None:
-    with pytest.raises(BadTable, match=r"a table \(CSV\)"):
-        read_trial_log(written(tmp_path, f"{','.join(COLUMNS)}\n1,0,1,,,{LONG},,,,,\n"))
+@pytest.mark.parametrize(
+    ("cells", "needed"),
+    [
+        (f"1,0,1,,,{LONG},,,,,", r"a table \(CSV\)"),
+        (f"{5000 * '9'},0,1,,,,,,,,", "a number, began_s"),
+    ],
+)
+def test_so_it_is_in_a_log_of_trials(tmp_path: Path, cells: str, needed: str) -> None:
+    with pytest.raises(BadTable, match=needed):
+        read_trial_log(written(tmp_path, f"{','.join(COLUMNS)}\n{cells}\n"))

@@ -72,6 +72,7 @@ def test_a_recording_of_another_plan_is_not_taken_for_one_of_this(tmp_path: Path
         ("# of Monday\n\nlabel:shape,times\nsphere,many\n", "line 4"),
         ("label:shape,times\n" + 140_000 * "x" + ",1\n", "a table"),
         ("label:shape,times\nsphere,many\n", "'many'"),
+        ("label:shape,times\nsphere," + 5000 * "9" + "\n", "times of 1 to 9999"),
         ("label:shape,times\nsphere\n", "2 cells"),
         ("label:shape,times\n,2\n", "none empty"),
         ("label:shape,times\n", "1 to 9999 trials"),

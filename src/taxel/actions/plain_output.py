@@ -47,6 +47,7 @@ from __future__ import annotations
 import ipaddress
 import json
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -361,6 +362,6 @@ def open_udp(name: str, allow_other_hosts: bool, clock: Clock | None = None) -> 
         BadInput: It is no host and port.
     """
     host, found, port = name.rpartition(":")
-    if not found or not port.isascii() or not port.isdigit():
+    if not found or not re.fullmatch(r"[0-9]{1,5}", port):
         raise BadInput("udp://HOST:PORT", f"udp://{name}", "try udp://127.0.0.1:5005")
     return UdpOutput(host.strip("[]"), int(port), allow_other_hosts, clock)

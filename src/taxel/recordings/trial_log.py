@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -134,8 +135,13 @@ def _trial(cells: list[str], where: str) -> GraspTrial:
             raise BadTable(f"{name} as one of {allowed}", f"{found[name]!r} in {where}", "mend it")
     for name in ("began_s", "ended_s", "alarm_s", "acknowledged_s", "reaction_s"):
         found[name] = _seconds(found[name], name, where)
-    if not found["number"].isdecimal() or found["began_s"] is None or found["ended_s"] is None:
-        raise BadTable("a number, began_s and ended_s", f"{cells[:3]} in {where}", "mend the line")
+    is_number = re.fullmatch(r"[0-9]{1,9}", found["number"])
+    if not is_number or found["began_s"] is None or found["ended_s"] is None:
+        raise BadTable(
+            "a number, began_s and ended_s",
+            f"{[cell[:40] for cell in cells[:3]]} in {where}",
+            "mend the line",
+        )
     return GraspTrial(**found | {"number": int(found["number"])})
 
 

@@ -12,6 +12,7 @@ Background of our choices: docs/decisions/0043.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,8 +110,8 @@ def _trials_of(
     for (kind, name), cell in zip(names, cells, strict=True):
         found[kind][name] = cell
     times = found[_TIMES].get("", "1")
-    if not times.isdecimal() or not 1 <= int(times) <= MOST_TRIALS:
-        raise BadTable(f"times of 1 to {MOST_TRIALS}", f"{times!r} in {where}", "mend the line")
+    if not re.fullmatch(r"[0-9]{1,9}", times) or not 1 <= int(times) <= MOST_TRIALS:
+        raise BadTable(f"times of 1 to {MOST_TRIALS}", f"{times[:40]!r} in {where}", "mend it")
     return [
         PlannedTrial(
             number=number,
