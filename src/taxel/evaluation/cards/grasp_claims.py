@@ -73,7 +73,8 @@ def _grasp_tables() -> tuple[ClaimsOfPart, ...]:
             what=f"DenseNet121 + LSTM, k = {frames}: accuracy",
             claimed=f"{accuracy:.2f} %",
             why=_NO_WEIGHTS,
-            **_accuracy("densenet121+lstm", frames, "lstm"),  # type: ignore[arg-type]
+            theirs=_links("densenet121+lstm", frames, "lstm", ONE_CUP),
+            honest=_links("densenet121+lstm", frames, "lstm", EVERY_CUP),
         )
         for frames, accuracy in PUBLISHED_BY_FRAMES.items()
     )
@@ -87,15 +88,12 @@ def _grasp_tables() -> tuple[ClaimsOfPart, ...]:
     )  # fmt: skip
 
 
-def _accuracy(model: str, frames: int, head: str) -> dict[str, tuple[Link, ...]]:
+def _links(model: str, frames: int, head: str, split: str) -> tuple[Link, ...]:
     """Return the links of an accuracy: the backbone's own row, and our small backbone's."""
     names = [("", model)]
     if model.startswith("densenet121"):
         names.append(("Lite0", f"{_STAND_IN}+{head}"))
-    return {
-        "theirs": tuple(Link(grasp_row(m, frames, ONE_CUP), label) for label, m in names),
-        "honest": tuple(Link(grasp_row(m, frames, EVERY_CUP), label) for label, m in names),
-    }
+    return tuple(Link(grasp_row(name, frames, split), label) for label, name in names)
 
 
 def _model_claims(model: TransitionModel, table: str) -> list[Claim]:
@@ -112,7 +110,8 @@ def _model_claims(model: TransitionModel, table: str) -> list[Claim]:
             what=f"{name}: accuracy",
             claimed=f"{published.accuracy_percent:.2f} %",
             why=_NOT_RUN if model.backbone == _IMAGENET else _NO_WEIGHTS,
-            **_accuracy(model.name, FRAMES, model.head),  # type: ignore[arg-type]
+            theirs=_links(model.name, FRAMES, model.head, ONE_CUP),
+            honest=_links(model.name, FRAMES, model.head, EVERY_CUP),
         ),
         Claim(
             where=table,

@@ -38,6 +38,7 @@ from taxel.sources.opening import recordings_of
 _RING_BYTES = 16 * 2**20
 """Of a source: six seconds of two cameras at 60 Hz. Source: our choice."""
 _NOTE_BYTES = 2**18
+"""Of a ring of notes: some hundreds of decisions. Source: our choice."""
 _ALONE = (
     "taxel live with one bundle (no --also beside one of cameras) and no --page, --record, "
     "--gripper, --tell, --publish and --beside"

@@ -49,7 +49,9 @@ _MOST_CELLS = 1_000_000
 _NO_TIME = "00:00"
 """A time stamp in the place of none."""
 _BLOCK_CELLS = 65_536
+"""Cells of a text that become numbers at a time."""
 _BLOCK_BYTES = 8 * MIB
+"""Bytes of a .npy file that are read at a time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
