@@ -32,24 +32,28 @@ _SECTIONS = {
     "project": "Project",
 }
 """Folder of the site → its heading, in this order."""
-_JOBS = {
+JOBS = {
+    "Your own recordings": (
+        "own-array", "long-recordings", "camera-trials", "tactile-cameras", "real-recordings",
+    ),
     "Connect and record": (
-        "build-the-kit", "firmware", "flash", "serial-boards", "cameras-live", "scene-camera",
-        "collect", "calibrate", "pads", "long-recordings", "own-array", "real-recordings",
+        "serial-boards", "cameras-live", "scene-camera", "collect", "calibrate", "pads",
+        "build-the-kit", "firmware", "flash",
     ),
     "Train and evaluate": (
-        "audit", "others-split", "tactile-cameras", "weights", "camera-trials", "tune",
-        "training-curves", "many-workers", "report", "robustness", "unknown-objects", "adapt",
+        "audit", "others-split", "tune", "training-curves", "robustness", "unknown-objects",
+        "adapt", "weights", "many-workers", "report",
     ),
     "Run live": (
-        "live-station", "operators-page", "person-in-the-loop", "slip-warning", "gripper-and-arm",
+        "live-station", "operators-page", "slip-warning", "person-in-the-loop", "gripper-and-arm",
         "cnn-on-the-board",
     ),
     "Beside other programs": ("live-bus", "fleet", "foxglove-and-ros", "lerobot"),
 }  # fmt: skip
-"""Heading in the navigation → pages of how-to/, in this order; other pages stand above them."""
+"""Heading → pages of how-to/, in this order, in the navigation and on the section's own page; other
+pages stand above them."""
 _LEADS = {
-    "how-to": "One job a page.",
+    "how-to": "One task per page. New here? Begin with the first group.",
     "explanation": "Why things are as they are, and the physics behind the simulators.",
     "reference": "Commands, Python names, formats, figures.",
     "examples": "Short programs that run by themselves; CI runs all of them.",
@@ -128,13 +132,13 @@ def _made_pages() -> dict[str, str]:
         made[f"examples/{path.stem}.md"] = f"# {path.stem}\n\n{lead}\n\n```python\n{text}```\n"
     made |= api_pages() | cli_pages()
     for folder, name in _SECTIONS.items():
-        made[f"{folder}/index.md"] = _listing(folder, name, made)
+        made[f"{folder}/index.md"] = listing(folder, name, made)
     return made
 
 
-def _listing(folder: str, name: str, made: dict[str, str]) -> str:
-    """Return a section's page: each of its pages with its first sentence."""
-    rows = []
+def listing(folder: str, name: str, made: dict[str, str]) -> str:
+    """Return a section's page: each of its pages with its first sentence, how-tos by job."""
+    rows = {}
     texts = _written() | made
     for page in sorted(texts, key=_order):
         place, _, leaf = page.rpartition("/")
@@ -142,9 +146,17 @@ def _listing(folder: str, name: str, made: dict[str, str]) -> str:
         if deeper or (place == folder and leaf != "index.md"):
             title, lead = title_and_lead(texts[page])
             title = title or leaf
-            rows.append(f"| [{title}]({posixpath.relpath(page, folder)}) | {lead} |")
+            rows[page] = f"| [{title}]({posixpath.relpath(page, folder)}) | {lead} |"
+    lines = [f"# {name}", "", _LEADS[folder], ""]
+    groups = _by_job(list(rows)) if folder == "how-to" else list(rows)
+    above = [rows[group] for group in groups if isinstance(group, str)]
     head = ["| page | what it says |", "|---|---|"]
-    return "\n".join([f"# {name}", "", _LEADS[folder], "", *head, *rows, ""])
+    if above:
+        lines += [*head, *above, ""]
+    for group in groups:
+        for job, pages in group.items() if isinstance(group, dict) else ():
+            lines += [f"## {job}", "", *head, *(rows[page] for page in pages), ""]
+    return "\n".join(lines)
 
 
 def _written() -> dict[str, str]:
@@ -174,8 +186,8 @@ def _tree(folder: str, pages: set[str]) -> list[Any]:
 
 
 def _by_job(tree: list[Any]) -> list[Any]:
-    """Return the pages of how-to/ under the headings of `_JOBS`."""
-    jobs = {job: [f"how-to/{name}.md" for name in names] for job, names in _JOBS.items()}
+    """Return the pages of how-to/ under the headings of `JOBS`."""
+    jobs = {job: [f"how-to/{name}.md" for name in names] for job, names in JOBS.items()}
     placed = {page for pages in jobs.values() for page in pages}
     return [page for page in tree if page not in placed] + [{job: jobs[job]} for job in jobs]
 

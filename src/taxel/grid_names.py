@@ -8,6 +8,7 @@ Background of our choices: docs/decisions/0060.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 _ROW_AND_COLUMN = r"r(?:ow)?_?([0-9]{1,4})_?c(?:ol)?_?([0-9]{1,4})((?:[^0-9].*)?)"
@@ -34,3 +35,11 @@ def grid_place(name: str, *, in_words: bool = False) -> GridPlace | None:
     """
     place = _APART.fullmatch(name) or (_ANYWHERE.fullmatch(name) if in_words else None)
     return place and GridPlace((place[1], place[4]), int(place[2]), int(place[3]))
+
+
+def by_rows(names: Sequence[str]) -> bool:
+    """Return whether names that say rows and columns do so row by row, grid by grid."""
+    found = [place for name in names if (place := grid_place(name, in_words=True))]
+    grids = list(dict.fromkeys(place.grid for place in found))
+    order = [(grids.index(place.grid), place.row, place.column) for place in found]
+    return order == sorted(order)

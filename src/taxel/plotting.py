@@ -21,6 +21,7 @@ from matplotlib import pyplot as plt  # noqa: E402  # both settings come first
 __all__ = ["drawn_name", "finished", "plt"]
 
 _DPI = 110
+"""Pixels an inch of a figure."""
 
 
 def drawn_name(name: object) -> str:

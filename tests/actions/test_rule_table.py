@@ -80,6 +80,7 @@ HEAD = "class,least_confidence,action\n"
         (HEAD + "glass,0.5,a\nglass,0.50,b\n", "one action for a class and confidence"),
         ("target," + HEAD + "colour,glass,0.5,bin\n", "a target among material, shape"),
         ("target," + HEAD + "shape,glass,0.5,bin\n", "a class among ball, cube"),
+        (HEAD + f"glass,0.5,{140_000 * 'x'}\n", "a table (CSV)"),
     ],
 )
 def test_what_cannot_be_a_table_is_refused_in_one_line(

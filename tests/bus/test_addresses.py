@@ -15,6 +15,8 @@ def test_an_address_names_host_port_and_station() -> None:
     assert parse_zenoh("zenoh://localhost").station == own_name()
     assert parse_mqtt("mqtt://127.0.0.1").port == 1883
     assert parse_mqtt("mqtts://broker").port == 8883
+    assert parse_mqtt("mqtts://[2001:db8::1]/a").port == 8883
+    assert parse_mqtt("mqtts://broker:1883").port == 1883
 
 
 @pytest.mark.parametrize(

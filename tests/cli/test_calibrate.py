@@ -193,3 +193,28 @@ def test_taps_in_a_recording_are_found_without_marks(made: Path, tmp_path: Path)
               "--cycles", "20"])  # fmt: skip
     assert ended.value.code == 2
     assert not (tmp_path / "d.json").exists()
+
+
+def test_a_sensor_that_is_not_there_is_refused_beside_taps(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["calibrate", str(made / "raw.mcap"), "--output", str(tmp_path / "d.json"),
+              "--cycles", "20", "--sensors", "thumb"])  # fmt: skip
+
+    assert ended.value.code == 2
+    line = capsys.readouterr().err
+    assert line.startswith("taxel: needed --sensors among index-proximal, ")
+    assert line.endswith("; got thumb; correct it.\n")
+
+
+def test_taps_that_say_nothing_about_wear_get_a_line_instead_of_a_number(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(
+        ["calibrate", SIM, "--output", str(tmp_path / "d.json"), "--cycles", "25", "--tap-hz", "4"]
+    )
+    pad = json.loads((tmp_path / "d.json").read_text())["channels"][0]
+
+    assert pad["lost"] == [None, None, None]
+    assert "no loss is stated, since its 95 % interval" in " ".join(capsys.readouterr().out.split())

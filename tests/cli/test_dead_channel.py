@@ -10,14 +10,14 @@ from taxel.bundles.reader import read_bundle
 from taxel.cli.main import main
 
 
-def _set(folder: Path, *, dead: bool = False, hangs: bool = False) -> Path:
+def _set(folder: Path, *, dead: bool = False, hangs: bool = False, gain: float = 1.0) -> Path:
     """Presses of two strengths in each of four sessions, 50 scans a second, 20 s each."""
     folder.mkdir()
     rng = np.random.default_rng(int(dead))
     lines = ["file,label:level,group:session,channels,time"]
     for n in range(8):
         press = np.sin(np.linspace(0, 100 * np.pi, 1000))[:, None] * (2.0, 10.0)[n % 2]
-        values = press + rng.normal(0.0, 0.5, (1000, 3))
+        values = gain * (press + rng.normal(0.0, 0.5, (1000, 3)))
         if dead:
             values[:, 1] = 0.25
         if hangs:
@@ -78,6 +78,32 @@ def test_a_score_says_it(bundle: Path, capsys: pytest.CaptureFixture[str]) -> No
     printed = " ".join(capsys.readouterr().out.split())
 
     assert "channel 2 never changes in these recordings; in training it changed in every" in printed
+
+
+def test_a_score_says_it_of_a_session_with_lower_gains(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All its presses are weaker than three quarters of those in training."""
+    quiet = _set(tmp_path / "quiet", dead=True, gain=0.15)
+    capsys.readouterr()
+
+    main(["evaluate", str(bundle), str(quiet)])
+
+    assert "channel 2 never changes in these recordings" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("gain", "noted"), [(1000.0, True), (0.001, True), (3.0, False)])
+def test_a_score_says_where_values_are_in_another_unit(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], gain: float, noted: bool
+) -> None:
+    other = _set(tmp_path / "other", gain=gain)
+    capsys.readouterr()
+
+    main(["evaluate", str(bundle), str(other)])
+    printed = " ".join(capsys.readouterr().out.split())
+
+    assert ("times as much within a window as in training: check whether they are in N" in printed
+            ) == noted  # fmt: skip
 
 
 def test_a_bundle_keeps_how_its_channels_moved(bundle: Path) -> None:

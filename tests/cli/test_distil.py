@@ -12,7 +12,7 @@ import torch
 
 from taxel.cli.main import main
 from taxel.models.backbones.catalogue import find_backbone
-from taxel.models.frame_features import FrameFeatures
+from taxel.models.frame_network import FrameNetwork
 from taxel.models.weights import find_weights
 from taxel.training.frames.extractors import open_backbone
 
@@ -67,7 +67,7 @@ def test_a_student_says_how_it_was_trained_and_runs_at_its_own_size(
     module = find_backbone("efficientnet-b0").build("logits")
     weights.load_into(module)
     with torch.no_grad():
-        own = FrameFeatures(module, "efficientnet-b0", 64).eval()(torch.from_numpy(image[None]))
+        own = FrameNetwork(module, "efficientnet-b0", 64).eval()(torch.from_numpy(image[None]))
     assert np.abs(extractor.of([image]) - own.numpy()).max() < 1e-3
 
 

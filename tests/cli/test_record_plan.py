@@ -287,6 +287,8 @@ def test_a_gripper_that_closes_on_nothing_records_nothing(
     ("words", "message"),
     [
         (["camera:///dev/a,/dev/b"], "a terminal"),
+        (["sim://teng"], "an array, sim://teng; record an array without --plan, or .* collect"),
+        (["serial:///dev/ttyACM0"], "tactile cameras"),
         (["sim://cup-pour", "--tare"], "real cameras"),
         (["sim://cup-pour", "--gripper", "sim://arm"], "a gripper's address"),
     ],

@@ -135,6 +135,14 @@ def test_what_is_no_page_is_never_replaced_by_one(made: Path, tmp_path: Path):
     assert kept.read_bytes() == b"a recording"
 
 
+@pytest.mark.parametrize("name", ["report.pdf", "report"])
+def test_a_page_ends_in_html(name: str, made: Path, tmp_path: Path):
+    with pytest.raises(BadInput, match=r"ends in \.html"):
+        report(made / "run", "--output", tmp_path / name)
+
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("option", ["--audited", "--sweep", "--tables"])
 @pytest.mark.parametrize("content", [b"\x80\x81", b"[1, 2]", b"3", b'{"a": 1}', b"[]"])
 def test_a_file_of_another_kind_is_refused_without_words_of_python(

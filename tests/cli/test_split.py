@@ -149,7 +149,8 @@ def test_trials_on_no_side_are_counted_and_single_windows_are_no_table(
     assert windows["counted"] == "window"
     assert sum(windows["folds"][0]["train"].values()) == 62
     words = ["split", str(days), "--split", "random", "--output", str(tmp_path / "f.csv")]
-    assert "needed a split that keeps trials whole" in refused([*words, "--window", "steps=20"])
+    message = refused([*words, "--window", "steps=20"])
+    assert "needed a split of whole trials, to write it as a table" in message
     assert not (tmp_path / "f.csv").exists()
 
 

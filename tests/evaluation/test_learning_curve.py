@@ -57,10 +57,9 @@ def test_the_order_depends_on_seed_and_fold_alone() -> None:
 
 
 def test_a_split_of_single_windows_is_refused() -> None:
-    dataset = make_dataset(sessions=4)
-    split = random_windows(dataset, "shape", 2, 0, 0.0)
-    with pytest.raises(BadSplit, match="holds out whole trials"):
-        curve._order(dataset, split.folds[0], "session", small())
+    split = random_windows(make_dataset(sessions=4), "shape", 2, 0, 0.0)
+    with pytest.raises(BadSplit, match="a split of whole trials, to take some away"):
+        split.whole_trials("to take some away", "choose another")
 
 
 @pytest.mark.slow

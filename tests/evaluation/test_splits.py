@@ -73,6 +73,20 @@ def test_the_random_split_says_that_it_leaks() -> None:
     assert set(dataset.trial[train]) & set(dataset.trial[test])
 
 
+def test_a_split_says_which_of_its_folds_move_whole_trials() -> None:
+    dataset = make_dataset()
+    whole = by_group(dataset, "shape", "session", 3, seed=0)
+    single = random_windows(dataset, "shape", 5, seed=0, test=0.0)
+
+    assert whole.trial_folds == whole.whole_trials("to choose on", "") == whole.folds
+    assert single.trial_folds == ()
+    with pytest.raises(BadSplit) as refused:
+        single.whole_trials("to choose on", "choose group:KEY")
+    assert refused.value.needed == "a split of whole trials, to choose on"
+    assert refused.value.got == "random windows (leaks)"
+    assert refused.value.mend == "choose group:KEY"
+
+
 def test_overlapping_windows_cannot_be_split_at_random() -> None:
     dataset = make_dataset(config=WindowConfig(steps=6, stride=3))
     split = random_windows(dataset, "shape", 5, seed=0, test=0.0)

@@ -11,7 +11,7 @@ import torch
 from taxel.errors import BadBundle
 from taxel.models.backbones.catalogue import BACKBONES
 from taxel.models.export_onnx import HeadProbability, _check, export_backbone, export_head
-from taxel.models.frame_features import FrameFeatures
+from taxel.models.frame_network import FrameNetwork
 from taxel.models.sequence import HEADS
 from taxel.models.weights import find_weights
 
@@ -40,7 +40,7 @@ def test_an_exported_backbone_equals_pytorchs_from_the_cameras_bytes_on(name: st
     frames = np.random.default_rng(1).integers(0, 256, (3, 240, 320, 3), np.uint8)
 
     with torch.no_grad():
-        wanted = FrameFeatures(module, name).eval()(torch.from_numpy(frames)).numpy()
+        wanted = FrameNetwork(module, name).eval()(torch.from_numpy(frames)).numpy()
     found = _run(model, frames)
 
     assert found.shape == (3, row.features)

@@ -89,7 +89,7 @@ def test_fetched_weights_name_what_a_photograph_shows(
     backbone: str, photograph: Callable[[], np.ndarray[Any, Any]], wanted: int
 ) -> None:
     """Two photographs, cut square, get their right one of 1000 classes."""
-    from taxel.models.frame_features import FrameFeatures
+    from taxel.models.frame_network import FrameNetwork
 
     module = _fetched(backbone)
     image = photograph()
@@ -98,7 +98,7 @@ def test_fetched_weights_name_what_a_photograph_shows(
     square = np.ascontiguousarray(image[top : top + side, left : left + side])
 
     with torch.no_grad():
-        logits = FrameFeatures(module, backbone).eval()(torch.from_numpy(square[None]))
+        logits = FrameNetwork(module, backbone).eval()(torch.from_numpy(square[None]))
 
     assert logits.argmax().item() == wanted
 

@@ -11,7 +11,7 @@ import torch
 from taxel.models import weights as weights_module
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.counting import keras_parameters
-from taxel.models.frame_features import FrameFeatures
+from taxel.models.frame_network import FrameNetwork
 from taxel.models.weights import SHIPPED, VARIABLE, find_weights, shipped_weights
 from taxel.windows.touch_view import MODEL, look_through_touch
 
@@ -49,7 +49,7 @@ def test_the_onnx_file_gives_what_the_weights_give() -> None:
     """Camera trials look through the same encoder as monitors."""
     frames = np.random.default_rng(0).integers(0, 256, (3, 120, 160, 3), np.uint8)
     with torch.no_grad():
-        wanted = FrameFeatures(shipped(), "touch")(torch.from_numpy(frames)).numpy()
+        wanted = FrameNetwork(shipped(), "touch")(torch.from_numpy(frames)).numpy()
     session = onnxruntime.InferenceSession(MODEL.read_bytes(), providers=["CPUExecutionProvider"])
     found = session.run(None, {"frames": frames})[0]
 

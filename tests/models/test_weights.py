@@ -49,7 +49,7 @@ def test_lite0_knows_a_palace_and_a_flower(photograph: int, wanted: int) -> None
     _lite0_or_skip()
     from sklearn.datasets import load_sample_images
 
-    from taxel.models.frame_features import FrameFeatures
+    from taxel.models.frame_network import FrameNetwork
 
     image = load_sample_images().images[photograph]
     side = min(image.shape[:2])
@@ -59,7 +59,7 @@ def test_lite0_knows_a_palace_and_a_flower(photograph: int, wanted: int) -> None
     find_weights("efficientnet-lite0", environment={}).load_into(module)
 
     with torch.no_grad():
-        logits = FrameFeatures(module, "efficientnet-lite0").eval()(torch.from_numpy(square[None]))
+        logits = FrameNetwork(module, "efficientnet-lite0").eval()(torch.from_numpy(square[None]))
 
     assert logits.argmax().item() == wanted
 

@@ -82,6 +82,12 @@ def test_times_that_go_back_are_refused_all_the_same(tmp_path):
         import_times(tmp_path, [0, 10, 20, 20, 40, 30, 50])
 
 
+def test_times_since_1970_are_shown_with_their_fraction(tmp_path):
+    """With six digits both would read 1.70934e+09."""
+    with pytest.raises(BadTable, match=r"got 1709337599\.5 s after 1709337599\.87 s"):
+        import_times(tmp_path, [1709337599.87, 1709337599.5], unit="s")
+
+
 def test_steps_below_a_nanosecond_are_refused_beside_repeats_too(tmp_path):
     with pytest.raises(BadTable, match="scans at least 1 ns apart"):
         import_times(tmp_path, [0, 0.01, 0.01, 0.02], unit="ns")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import math
+from dataclasses import replace
+from typing import Any
 
 from rich.console import Console, Group
 
@@ -52,7 +54,8 @@ def test_one_value_apart_is_another_parting():
     assert "the same trials" not in text_of(parts)
 
 
-def test_a_bundle_that_names_nothing_says_why():
+def text_of_score(**changes: Any) -> str:
+    """Return what is printed about a bundle that knows a and b, with changes to its score."""
     found = BundleScores(
         target="grit", classes=("a", "b"), split=None, windows=510, trials=510, accuracy=0.0,
         interval=(0.0, 0.0), interval_group="session", interval_groups=5, lone=None, majority=0.5,
@@ -61,8 +64,22 @@ def test_a_bundle_that_names_nothing_says_why():
         calibration_error=0.1, parts=Parts(classes=(), groups={}),
         confusion={"a": {"UNKNOWN": 510}}, learned_from=(), learned_is_known=True, notes=(),
     )  # fmt: skip
-    console = Console(file=io.StringIO(), width=120, record=True)
-    console.print(bundle_score_table(found, "s4.taxel", "rec"))
+    console = Console(file=io.StringIO(), width=200, record=True)
+    console.print(bundle_score_table(replace(found, **changes), "s4.taxel", "rec"))
+    return console.export_text()
 
-    line = "no window was answered; UNKNOWN because of: low confidence 510"
-    assert line in console.export_text()
+
+def test_a_bundle_that_names_nothing_says_why():
+    text = text_of_score()
+
+    assert "no window was answered; UNKNOWN because of: low confidence 510" in text
+    assert "accuracy: UNKNOWN counts as wrong; majority" in text
+    assert "not known to the bundle" not in text
+
+
+def test_a_class_that_a_bundle_does_not_know_is_named_with_what_counts_there():
+    text = text_of_score(confusion={"a": {"a": 500}, "c": {"UNKNOWN": 8, "b": 2}})
+
+    assert "UNKNOWN counts as wrong but for classes that the bundle does not know; maj" in text
+    assert "which knows a, b: c (10 windows); there only UNKNOWN counts as correct" in text
+    assert "calibration error 0.1000, of the windows of known classes" in text

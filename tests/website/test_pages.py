@@ -7,6 +7,7 @@ import pytest
 from website.api_pages import api_pages, constants_table
 from website.check_site import defined_names, public_names
 from website.cli_pages import cli_pages
+from website.hooks import JOBS, listing
 from website.places import page_of, title_and_lead, turn_links
 
 from taxel.cli.main import VERBS
@@ -49,6 +50,15 @@ def test_the_strict_build_is_not_silenced():
 def test_every_written_page_has_a_heading():
     for path in (ROOT / "docs").rglob("*.md"):
         assert title_and_lead(path.read_text("utf-8"))[0], path
+
+
+def test_the_page_of_how_tos_has_each_of_them_once_under_the_heading_of_its_job():
+    page = listing("how-to", "How to", {})
+    links = re.findall(r"^\| \[[^\]]+\]\(([\w-]+)\.md\)", page, re.M)
+
+    assert links == [name for names in JOBS.values() for name in names]
+    assert sorted(links) == sorted(path.stem for path in (ROOT / "docs/how-to").glob("*.md"))
+    assert re.findall(r"^## (.+)$", page, re.M) == list(JOBS)
 
 
 def test_each_page_of_evidence_and_its_decision_link_to_each_other():

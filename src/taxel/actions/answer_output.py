@@ -63,16 +63,17 @@ def recognised_of(answer: Mapping[str, Any], sequence: int, now_s: float) -> Rec
     return Recognised(
         sequence=sequence,
         time_s=now_s,
-        taken_s=_finite(answer.get("time_s")),
+        taken_s=finite_number(answer.get("time_s")),
         target=str(answer["target"]),
         label=str(answer["grasp"]),
-        confidence=_finite(answer.get("grasp_confidence")),
+        confidence=finite_number(answer.get("grasp_confidence")),
         action=str(answer.get("action", "")),
         window_label=str(answer["label"]),
-        window_confidence=_finite(answer.get("confidence")),
+        window_confidence=finite_number(answer.get("confidence")),
         reason=str(answer.get("reason", "")),
     )
 
 
-def _finite(value: object) -> float | None:
+def finite_number(value: object) -> float | None:
+    """Return a number as JSON has it: None where it is no number, NaN or infinite."""
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None

@@ -14,6 +14,7 @@ from taxel.errors import BadInput
 from taxel.wire import messages as wire
 
 _LONGEST_MS = 0xFFFF
+"""What 16 bits of a grip order hold, milliseconds. Source: protocol/SPEC.md."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,7 +17,9 @@ from taxel.errors import BadInput
 MOST_MA = 2400
 """The largest bound, milliamperes: below the firmware's over-current of 2500, decision 20."""
 _LASTS_S = 0.2
+"""An order runs out so long after it unless it is repeated, seconds."""
 _CLOSED_PERMILLE = 1000
+"""Fingers are ordered to close all the way: the contact current stops them, per mille."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -35,9 +35,9 @@ may answer, to the address that the datagrams come from, one JSON object a datag
 
 Answers count from the very address and port that the datagrams go to; what others send, the
 system refuses. UDP does not encrypt, and knows who answers by address alone: keep it on this
-machine or on a line of its own. Nothing here waits: a full buffer drops the datagram and counts
-it, and so is an order that has expired before it could be sent. Knows nothing about grippers or
-models.
+machine or on a line of its own. Nothing here waits: a datagram for which the buffer has no room,
+and an order that expires before it can be sent, are dropped and counted. Knows nothing about
+grippers or models.
 
 Background of our choices: docs/decisions/0016.
 """
@@ -47,11 +47,12 @@ from __future__ import annotations
 import ipaddress
 import json
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from taxel.actions.answer_output import Recognised, recognised_of
+from taxel.actions.answer_output import Recognised, finite_number, recognised_of
 from taxel.actions.interlock import Order, OrderKind
 from taxel.actions.udp_line import UdpLine
 from taxel.clock import Clock, SystemClock
@@ -63,8 +64,6 @@ _LONGEST = 512
 """Bytes of an answer. Source: our choice; the longest above has 70."""
 _ANSWERS = 8
 """Answers taken in at a time: a flood must not hold up the tick. Source: our choice."""
-
-
 _STRONGEST_N = 1e6
 """A force above this is no number of newtons. Source: our choice."""
 
@@ -158,17 +157,17 @@ def action_of(
     lasts_s = None if order.kind is OrderKind.STOP else max(0.0, order.expires_s - now_s)
     return Action(
         sequence=sequence,
-        time_s=_finite(now_s) or 0.0,
+        time_s=finite_number(now_s) or 0.0,
         state=_word(decision.state),
         reason=decision.reason,
-        probability=None if decision.is_score else _finite(decision.probability),
-        score=_finite(decision.probability) if decision.is_score else None,
+        probability=None if decision.is_score else finite_number(decision.probability),
+        score=finite_number(decision.probability) if decision.is_score else None,
         slip=None if decision.slip is None else decision.slip.as_dict(),
-        since_s=_finite(decision.since_s),
+        since_s=finite_number(decision.since_s),
         order=order.kind.value,
         order_reason=order.reason,
-        force_n=_finite(max(order.force_n, least_n)),
-        expires_in_s=_finite(lasts_s),
+        force_n=finite_number(max(order.force_n, least_n)),
+        expires_in_s=finite_number(lasts_s),
         grasp=grasp,
     )
 
@@ -356,10 +355,6 @@ class CallbackOutput(_Output):
         """Nothing to let go of."""
 
 
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
-
-
 def open_udp(name: str, allow_other_hosts: bool, clock: Clock | None = None) -> UdpOutput:
     """Open host:port as an address writes it, [::1]:5005 for IPv6.
 
@@ -367,6 +362,6 @@ def open_udp(name: str, allow_other_hosts: bool, clock: Clock | None = None) -> 
         BadInput: It is no host and port.
     """
     host, found, port = name.rpartition(":")
-    if not found or not port.isascii() or not port.isdigit():
+    if not found or not re.fullmatch(r"[0-9]{1,5}", port):
         raise BadInput("udp://HOST:PORT", f"udp://{name}", "try udp://127.0.0.1:5005")
     return UdpOutput(host.strip("[]"), int(port), allow_other_hosts, clock)

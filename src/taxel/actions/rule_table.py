@@ -16,7 +16,6 @@ Background of our choices: docs/decisions/0046.
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +24,7 @@ from pathlib import Path
 from taxel.decisions.recognition import UNKNOWN
 from taxel.errors import BadTable
 from taxel.foreign.files import MIB
-from taxel.foreign.text_lines import lines_of
+from taxel.foreign.text_rows import rows_of
 
 ANY = "*"
 """In the column class: each that has no line of its own."""
@@ -83,11 +82,8 @@ def read_rules(path: Path | str, known: Mapping[str, Sequence[str]]) -> RuleTabl
         BadFile: It is no text, or too large.
         OSError: It is not there.
     """
-    lines = (
-        line for line in lines_of(Path(path), MIB) if line.strip() and not line.startswith("#")
-    )
-    rows = list(csv.reader(lines))
-    header = [cell.strip() for cell in rows[0]] if rows else []
+    rows = rows_of(Path(path), MIB)
+    header = [cell.strip() for cell in rows[0][1]] if rows else []
     if sorted(header) not in (sorted(_COLUMNS), sorted((*_COLUMNS, _TARGET))):
         raise BadTable(
             "a first line class,least_confidence,action, and target where wanted",
@@ -96,7 +92,7 @@ def read_rules(path: Path | str, known: Mapping[str, Sequence[str]]) -> RuleTabl
     if not rows[1:]:
         raise BadTable("at least one line of rules", f"none in {path}", "add one")
     rules = []
-    for number, cells in enumerate(rows[1:], 2):
+    for number, cells in rows[1:]:
         where = f"line {number} of {path}"
         if len(cells) != len(header):
             raise BadTable(f"{len(header)} cells", f"{len(cells)} in {where}", "mend the line")

@@ -31,7 +31,11 @@ class Engine(Protocol):
     """A model that is ready to run."""
 
     def run(self, **inputs: NDArray[Any]) -> NDArray[np.float32]:
-        """Return the model's one output for its named inputs."""
+        """Return the model's one output for its named inputs; both as the model's maker says.
+
+        Raises:
+            BadBundle: It refuses the inputs, or gives no real numbers.
+        """
         ...
 
 

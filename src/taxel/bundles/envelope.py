@@ -234,14 +234,14 @@ def damaged(path: Path, what: str) -> BadBundle:
 
 
 def to_npy(array: NDArray[Any]) -> bytes:
-    """Return an array as a member's bytes."""
+    """Return an array of any shape as a member's bytes, a .npy file."""
     raw = io.BytesIO()
     np.save(raw, array, allow_pickle=False)
     return raw.getvalue()
 
 
 def from_npy(member: bytes) -> NDArray[Any]:
-    """Return a member's array.
+    """Return a member's array; its shape is as stored, and not checked here.
 
     Raises:
         BadBundle: It is none, or its size is not what it says.

@@ -23,8 +23,6 @@ from numpy.typing import NDArray
 from taxel.bundles.contract import LARGEST_DIFFERENCE, RATE_RANGE
 from taxel.bundles.engine import (
     Engine,
-    EngineName,
-    Precision,
     largest_difference,
     open_engine,
 )
@@ -206,18 +204,22 @@ def write_grasp_bundle(
 def read_grasp_bundle(
     path: Path | str,
     *,
-    engine: EngineName = "onnxruntime",
-    precision: Precision = "f32",
     threads: int = 1,
     trust: Trust | None = None,
     device: str = CPU,
 ) -> GraspBundle:
     """Open a bundle, after checking that it is whole and gives what it gave when written.
 
+    Args:
+        path: The bundle.
+        threads: Threads of the backbone; a head takes one.
+        trust: Keys of which one must have signed it; any bundle unless given.
+        device: Where ONNX Runtime runs it, a name in `PROVIDERS`.
+
     Raises:
+        BadInput: The device is not there.
         BadBundle: It is missing, damaged, of another kind or format, gives other
             probabilities, or none of the keys of `trust` signed it.
-        MissingExtra: The engine is not installed.
     """
     path = Path(path)
     members = unpack(path, _MEMBERS, trust, ("backbone.onnx",))
@@ -227,10 +229,11 @@ def read_grasp_bundle(
     )
     _check_shapes(contract, features, expected)
     trials = [Trial(members["head.onnx"], {"features": features})]
-    if contract.features not in OWN_FEATURES:
+    needs_backbone = contract.features not in OWN_FEATURES
+    frame = np.zeros((1, contract.height, contract.width, 3), np.uint8)
+    if needs_backbone:
         if "backbone.onnx" not in members:
             raise damaged(path, f"no backbone for {contract.features}")
-        frame = np.zeros((1, contract.height, contract.width, 3), np.uint8)
         trials.append(Trial(members["backbone.onnx"], {"frames": frame}))
     for trial in trials:
         check_model(trial.model)
@@ -244,12 +247,11 @@ def read_grasp_bundle(
             "write the bundle again here, or report this machine's processor",
         )
     backbone = None
-    if contract.features not in OWN_FEATURES:
-        backbone = open_engine(members["backbone.onnx"], engine, precision, threads, device)
+    if needs_backbone:
+        backbone = open_engine(members["backbone.onnx"], threads=threads, device=device)
         shape = backbone.run(frames=frame).shape
-        if shape[:1] + shape[-1:] != (1, len(contract.offset[0])) or len(shape) != (
-            3 if contract.tare == "local-size" else 2
-        ):
+        sides = 3 if contract.tare == "local-size" else 2
+        if len(shape) != sides or (shape[0], shape[-1]) != (1, len(contract.offset[0])):
             raise damaged(path, f"a backbone that gives features of shape {shape}")
     return GraspBundle(
         contract,

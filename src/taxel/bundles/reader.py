@@ -111,6 +111,12 @@ def read_bundle(
 ) -> Bundle:
     """Open a bundle, after checking that it is whole and gives what it gave when written.
 
+    Args:
+        path: The bundle.
+        threads: Threads of ONNX Runtime.
+        trust: Keys of which one must have signed it; any bundle unless given.
+        device: Where ONNX Runtime runs it, a name in `PROVIDERS`.
+
     Raises:
         BadInput: The device is not there.
         BadBundle: It is missing, damaged, of another format, its check windows give other

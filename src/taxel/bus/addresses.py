@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taxel.errors import BadInput
-from taxel.foreign.addresses import read_options
+from taxel.foreign.addresses import bracketed, read_options
 
 ZENOH_PORT, MQTT_PORT, MQTTS_PORT = 7447, 1883, 8883
 """Source: Zenoh's default; IANA's ports of MQTT, plain and over TLS."""
@@ -48,7 +48,7 @@ class ZenohAddress:
     @property
     def endpoint(self) -> str:
         """The address as Zenoh writes it."""
-        return f"tcp/{_bracketed(self.host)}:{self.port}"
+        return f"tcp/{bracketed(self.host)}:{self.port}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,8 +95,9 @@ def parse_mqtt(url: str) -> MqttAddress:
     Raises:
         BadInput: It is wrong, or a password would cross the network in plain text.
     """
-    host, port, station, options = _split(url, ("mqtt", "mqtts"), MQTT_PORT)
     tls = url.startswith("mqtts://")
+    usual_port = MQTTS_PORT if tls else MQTT_PORT
+    host, port, station, options = _split(url, ("mqtt", "mqtts"), usual_port)
     _only(options, ("user", *_MQTT_FILES), f"{'mqtts' if tls else 'mqtt'}://")
     files = {name: _file(options, name) for name in _MQTT_FILES}
     if not host:
@@ -110,8 +111,6 @@ def parse_mqtt(url: str) -> MqttAddress:
         raise BadInput("mqtts:// where a password crosses the network", "mqtt://", "write mqtts://")
     if files["password_file"] is not None and not user:
         raise BadInput("user=NAME with password_file", "no user", "name the user")
-    if tls and ":" not in url.partition("://")[2].partition("/")[0]:
-        port = MQTTS_PORT
     return MqttAddress(station=station, host=host, port=port, tls=tls, user=user, **files)
 
 
@@ -186,7 +185,3 @@ def _file(options: Mapping[str, str], name: str) -> Path | None:
     if not path.is_file():
         raise BadInput(f"a file for {name}", repr(str(path)), "name one that exists")
     return path
-
-
-def _bracketed(host: str) -> str:
-    return f"[{host}]" if ":" in host else host

@@ -22,6 +22,7 @@ BLOCK_S = 0.25
 _MOST_BLOCKS = 300
 """Blocks that a line is laid through at most: all pairs of them are looked at. Our choice."""
 _HUMS_HZ = (50.0, 60.0)
+"""Mains hum that is measured at rest, hertz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

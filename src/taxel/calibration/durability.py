@@ -22,6 +22,11 @@ STATED_FOR = 10_000
 our choice, docs/decisions/0047."""
 FEWEST = 20
 """Taps from which a channel is reported, and from which a trend is. Our choice, 0047."""
+WIDEST = 2.0
+"""Widest 95 % interval with which a loss is stated: from few taps a trend says nothing about so
+many. Our choice, docs/decisions/0047."""
+_LARGEST = 100.0
+"""Exponent beyond which a gain is no pad's, and too wide whatever follows. Our choice, 0047."""
 _FEWEST_AT_RATE = 5
 """Taps from which a rate has a row. Our choice, docs/decisions/0047."""
 _STEADY = 1.5
@@ -58,7 +63,8 @@ class Durability:
     last: float
     """Height when it ended, by the trend."""
     lost: Interval
-    """Share of the height lost in `STATED_FOR` taps, by the trend, 0…1; below 0 is a gain."""
+    """Share of the height lost in `STATED_FOR` taps, by the trend, 0…1; below 0 is a gain. NaN
+    where its interval would be wider than `WIDEST`."""
     response_s: Interval
     """10 to 90 %: median and quartiles, seconds. Whatever taps has its own speed in it."""
     recovery_s: Interval
@@ -133,9 +139,11 @@ def _trend(number: Array, height: Array) -> tuple[float, float, Interval]:
     off = logs - logs.mean() - slope * middle
     error = math.sqrt(float(off @ off) / (len(number) - 2) / float(middle @ middle))
     ends = np.exp(logs.mean() + slope * middle[[0, -1]])
-    low, value, high = (1.0 - math.exp(STATED_FOR * (slope + sign * 1.96 * error))
-                        for sign in (1, 0, -1))  # fmt: skip
-    return float(ends[0]), float(ends[1]), (value, low, high)
+    up, between, down = (STATED_FOR * (slope + sign * 1.96 * error) for sign in (1, 0, -1))
+    if up > _LARGEST or math.exp(up) - math.exp(down) > WIDEST:
+        return float(ends[0]), float(ends[1]), (nan, nan, nan)
+    lost = (1.0 - math.exp(between), 1.0 - math.exp(up), 1.0 - math.exp(down))
+    return float(ends[0]), float(ends[1]), lost
 
 
 def _mean(values: Array) -> Interval:

@@ -16,10 +16,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from taxel.calibration.curves import Curve
+from taxel.calibration.curves import Curve, Form
 from taxel.plotting import drawn_name, finished, plt
 
 _ACROSS = 4
+"""Small pictures in a row of a figure."""
 _UP, _DOWN, _GREY, _RED = "#4477aa", "#ee8844", "#9aa3ad", "#bb3344"
 
 Document = Mapping[str, Any]
@@ -50,7 +51,7 @@ def curves(document: Document) -> bytes:
     return finished(figure)
 
 
-def _curve(axes: Axes, entry: Mapping[str, Any], form: str) -> None:
+def _curve(axes: Axes, entry: Mapping[str, Any], form: Form) -> None:
     force, volts = _numbers(entry["force_n"]), _numbers(entry["volts"])
     rising = np.array(entry["rising"], bool)
     axes.set_title(drawn_name(entry["channel"]), fontsize=8)
@@ -68,7 +69,7 @@ def _curve(axes: Axes, entry: Mapping[str, Any], form: str) -> None:
         axes.text(0.5, 0.05, why, ha="center", va="bottom", fontsize=6.5, transform=axes.transAxes)
     else:
         at = np.linspace(0.0, float(force.max()), 200)
-        curve = Curve.of(form, entry["curve"])  # type: ignore[arg-type]
+        curve = Curve.of(form, entry["curve"])
         grid = _numbers(entry["grid_n"])
         low_v, high_v = (_numbers(part) for part in entry["band_v"])
         axes.fill_between(grid, low_v, high_v, color="black", alpha=0.18, lw=0)

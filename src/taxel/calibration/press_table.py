@@ -87,17 +87,17 @@ class PressTable:
 
     @property
     def volts(self) -> Array:
-        """Their volts above the baseline."""
+        """Their volts above the baseline, shape (good presses,)."""
         return np.asarray(self.all_volts[self.good])
 
     @property
     def rising(self) -> NDArray[np.bool_]:
-        """Whether they were part of a rising series."""
+        """Whether they were part of a rising series, shape (good presses,)."""
         return np.asarray(self.all_rising[self.good])
 
     @property
     def rounds(self) -> NDArray[np.int64]:
-        """Which round each belongs to."""
+        """Which round each belongs to, shape (good presses,)."""
         return np.asarray(self.all_rounds[self.good])
 
     @property

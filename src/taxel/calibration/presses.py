@@ -22,6 +22,7 @@ from taxel.signals import Mark, SensorInfo
 LARGEST_FORCE_N = 1000.0
 """Above this a force is taken for a typing error, newtons. Our choice."""
 _LARGEST_TABLE_BYTES = 10_000_000
+"""Of a table of presses, some 200,000 of them. Source: our choice."""
 _COLUMNS = ("sensor", "force_n", "start_s", "end_s")
 _MORE_COLUMNS = ("direction", "round", "reference_v")
 

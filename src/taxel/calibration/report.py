@@ -116,10 +116,11 @@ def findings(document: Document) -> list[str]:
     named = document["ghosts"]["named"]
     more = "; …" if len(named) > 6 else ""
     lines.append(f"ghosts above 0.5 %: {'; '.join(named[:6]) or 'none found with certainty'}{more}")
+    lines += _louder(document)
     falls = [channel["fall_s"][0] for channel in pressed if channel["fall_s"][0] is not None]
     if falls:
         lines.append(
-            f"under a force that stays the signal sinks with a time constant of "
+            f"under a constant force the signal decays with a time constant of "
             f"{1000 * min(falls):.0f} to {1000 * max(falls):.0f} ms"
         )
     back = [channel["recovery_s"][0] for channel in pressed if channel["recovery_s"][0] is not None]
@@ -145,6 +146,31 @@ def findings(document: Document) -> list[str]:
             f"left out: {number_of(lost[0], 'press')} of forces at which the converter is at "
             f"its end, {lost[1]} with unusable values"
         )
+    return lines
+
+
+def _louder(document: Document) -> list[str]:
+    """Return a warning for each sensor beside which another channel surely responds more.
+
+    Then the presses may be noted under the wrong name, and the curves are of something else.
+    """
+    names = [channel["channel"] for channel in document["channels"]]
+    lines = []
+    shares, errors = document["ghosts"]["share"], document["ghosts"]["error"]
+    for row, (own, doubt) in enumerate(zip(shares, errors, strict=True)):
+        surely = {
+            column: share - 2.0 * error
+            for column, (share, error) in enumerate(zip(own, doubt, strict=True))
+            if column != row and share is not None and error is not None
+        }
+        most = max(surely, key=surely.__getitem__, default=row)
+        if surely.get(most, 0.0) > 1.0:
+            lines.append(
+                f"warning: while {names[row]} is pressed, {names[most]} responds "
+                f"{own[most]:.3g} times as much as {names[row]} itself: its curve may be of "
+                f"another sensor; check the names in the presses, then whether {names[row]} is "
+                "connected"
+            )
     return lines
 
 

@@ -140,9 +140,9 @@ class StabilityMonitor:
         now = time_s if now_s is None else now_s
         if self._last_s is not None and time_s == self._last_s:
             return self.at(now)
-        doubt = self._doubt(probability, time_s, usable, now)
+        doubt = self._why_not(probability, time_s, usable, now)
         if doubt:
-            return self._doubted(doubt, time_s if math.isfinite(time_s) else now)
+            return self.doubt(doubt, time_s if math.isfinite(time_s) else now)
         if self._last_s is not None and time_s - self._last_s > self._config.largest_age_s:
             self._lose()
         self._last_s = time_s
@@ -162,7 +162,7 @@ class StabilityMonitor:
             return self._decision
         age_s = now_s - self._last_s
         if not age_s <= self._config.largest_age_s:
-            return self._doubted(REASONS["old"].say(age_s=age_s), now_s)
+            return self.doubt(REASONS["old"].say(age_s=age_s), now_s)
         return self._decision
 
     def over(self, now_s: float, before_any: bool = False) -> StabilityDecision:
@@ -179,10 +179,16 @@ class StabilityMonitor:
         return self._decide(Stability.NO_GRASP, reason, now_s, float("nan"))
 
     def doubt(self, reason: str, now_s: float) -> StabilityDecision:
-        """Take in that nothing can be said now, and why; return UNKNOWN."""
-        return self._doubted(reason, now_s)
+        """Take in that nothing can be said now, and why; return UNKNOWN.
 
-    def _doubt(self, probability: float, time_s: float, usable: bool, now_s: float) -> str:
+        Args:
+            reason: In words of `taxel.decisions.reasons`.
+            now_s: This moment on the frames' clock, seconds.
+        """
+        self._lose()
+        return self._decide(Stability.UNKNOWN, reason, now_s, float("nan"))
+
+    def _why_not(self, probability: float, time_s: float, usable: bool, now_s: float) -> str:
         """Return why the input cannot be used; empty where it can."""
         config = self._config
         if not math.isfinite(time_s):
@@ -204,10 +210,6 @@ class StabilityMonitor:
         if frozen and 0 < probability < 1 and self._held not in _ALARMS:
             return REASONS["unchanged"].say(same_s=time_s - self._same_since_s)
         return ""
-
-    def _doubted(self, reason: str, time_s: float) -> StabilityDecision:
-        self._lose()
-        return self._decide(Stability.UNKNOWN, reason, time_s, float("nan"))
 
     def _lose(self) -> None:
         """Forget what a lost stretch of input may have changed: STABLE, and all timers."""

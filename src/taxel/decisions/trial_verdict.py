@@ -15,6 +15,7 @@ from taxel.decisions.recognition import UNKNOWN
 NOVEL = "novel touch"
 """Begins the reason where a trial is unlike what was learned."""
 _LEAST = 1e-6
+"""Probability that each class has at the least before it is sharpened: the sum stays above 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

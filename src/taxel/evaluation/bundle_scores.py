@@ -34,11 +34,18 @@ from taxel.evaluation.run_scores import reliability
 from taxel.evaluation.table_split import idle_note, rows_in_no_trial, trials_to_score
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import coarsest_group, lone_group
-from taxel.plain_text import number_of
+from taxel.plain_text import number_of, visible
 from taxel.recordings.reader import list_recordings
 from taxel.windows.dataset import LABEL_THEM, Dataset, load_dataset, only_labelled
 from taxel.windows.windower import Windows
 
+_LOWER_GAIN = 2.0
+"""By so much may a day's gains be lower than in training before its windows count as rest, when
+channels are looked for that never change. Source: our choice, docs/decisions/0010."""
+_OTHER_SCALE = 20.0
+"""Times by which values may change more or less than in training; wrong prefixes of units are 1000
+times, and gains of other days or pads hardly ever more than 5. Source: our choice,
+docs/decisions/0010."""
 _BATCH = 256
 """Windows that the model is given at once. Source: our choice."""
 
@@ -55,7 +62,8 @@ class BundleScores:
     windows: int
     trials: int
     accuracy: float
-    """Share of windows predicted correctly, 0…1; UNKNOWN counts as wrong."""
+    """Share of windows predicted correctly, 0…1; UNKNOWN counts as wrong, and as correct where the
+    bundle does not know the class."""
     interval: tuple[float, float]
     """95 % CI of it, bootstrapped over `interval_group`; NaN with one of them."""
     interval_group: str
@@ -203,7 +211,7 @@ def _scores(
         confusion=_confusion(truth[trial], answers),
         learned_from=tuple(sorted(names[own] for own in contract.learned if own in names)),
         learned_is_known=bool(contract.learned),
-        notes=(*dataset.notes, *_still_notes(contract, dataset)),
+        notes=(*dataset.notes, *_still_notes(contract, dataset), *_scale_note(contract, dataset)),
     )  # fmt: skip
 
 
@@ -213,12 +221,31 @@ def _still_notes(contract: Contract, dataset: Dataset) -> list[str]:
     if motion is None:
         return []
     ranges = ranges_of(windows.values, windows.mask)
-    count = motion.moving(ranges[looked_at(windows, dataset.trial)]).sum()
+    count = motion.moving(_LOWER_GAIN * ranges[looked_at(windows, dataset.trial)]).sum()
     never = motion.unchanged(ranges).all(axis=0) & (motion.needed(CHANCE_ONCE) <= count)
     return [
         f"channel {contract.channels[index]} never changes in these recordings; "
         f"{changed_words(1.0 - float(motion.still[index]))}"
         for index in np.flatnonzero(never)
+    ]
+
+
+def _scale_note(contract: Contract, dataset: Dataset) -> list[str]:
+    """Return a note if values change so much more, or less, than in training that a unit is wrong.
+
+    That is so where half of the channels do, by the median of their ranges within windows.
+    """
+    motion, windows = contract.motion, dataset.windows
+    if motion is None:
+        return []
+    known = motion.usual > 0
+    ranges = ranges_of(windows.values, windows.mask)[:, known]
+    share = float(np.median(np.median(ranges, axis=0) / motion.usual[known]))
+    if share == 0.0 or 1.0 / _OTHER_SCALE <= share <= _OTHER_SCALE:
+        return []
+    return [
+        f"values change {share:.3g} times as much within a window as in training: check whether "
+        f"they are in {visible(contract.units[0])}, and the unit in the import table"
     ]
 
 

@@ -23,7 +23,7 @@ from taxel.evaluation.fold_jobs import (
     travelling,
 )
 from taxel.evaluation.kept_folds import NOTHING_KEPT, FoldStore, KeptFolds, content_digest
-from taxel.evaluation.splits import Split, TrialFold
+from taxel.evaluation.splits import Split
 from taxel.evaluation.table_split import OWN_SPLIT, GivenSplit
 from taxel.jobs.running import as_done, shared_out
 from taxel.plain_text import number_of
@@ -132,8 +132,8 @@ def sides_of(split: Split) -> list[list[list[int]]]:
     """Return each fold's trials by side: train, validation, test; for folds of whole trials."""
     return [
         [sorted(side) for side in (fold.train, fold.validation, fold.test)]
-        for fold in split.folds if isinstance(fold, TrialFold)
-    ]  # fmt: skip
+        for fold in split.trial_folds
+    ]
 
 
 def _fit_folds(

@@ -22,7 +22,7 @@ from taxel.errors import BadInput
 from taxel.evaluation.nested import Nested, check_choice, check_choosing, worse_than_judged
 from taxel.evaluation.outer_split import USUAL, OuterSplit, check_training_parts
 from taxel.evaluation.shared_values import objects_on_both
-from taxel.evaluation.splits import Split, TrialFold
+from taxel.evaluation.splits import WHOLE_SPLITS, Split
 from taxel.labels.joined import parts_of
 from taxel.models.blend import EXPERT, Blend
 from taxel.models.touch_blocks import is_of_grids
@@ -187,11 +187,13 @@ def read_and_part(task: Task, like: Choice | None = None) -> tuple[Base, Split]:
 
     Raises:
         BadDataset: The recordings do not make such a data set.
-        BadSplit: They cannot be split so, or a search would have too little to choose on.
+        BadSplit: They cannot be split so, not into whole trials, or a search would have too little
+            to choose on.
     """
     channels = task.channels if like is None else like.window.channels
     base = load_base(task.data, task.target, channels, task.test)
     folds = task.split.of(base)
+    folds.whole_trials("to hold some out", WHOLE_SPLITS)
     if like is None and (task.check or task.split.leaves_unseen):
         check_training_parts(base, folds, task.split)
     learned = _learned_from(base, folds, task.split)
@@ -207,21 +209,20 @@ def _table_notes(base: Base, folds: Split, split: OuterSplit) -> tuple[str, ...]
 
 def _learned_from(base: Base, folds: Split, split: OuterSplit) -> list[int]:
     """Return the trials that the recogniser learns from in the end."""
-    if split.leaves_unseen and len(folds.folds) == 1 and isinstance(folds.folds[0], TrialFold):
-        return sorted(folds.folds[0].train)
+    if split.leaves_unseen and len(folds.trial_folds) == 1:
+        return sorted(folds.trial_folds[0].train)
     return base.own
 
 
 def _trains_on(split: Split, trials: Sequence[int]) -> bool:
     """Return whether the training side of a split's only fold is these trials."""
-    (fold,) = split.folds
-    return isinstance(fold, TrialFold) and fold.train == set(trials)
+    (fold,) = split.trial_folds
+    return fold.train == set(trials)
 
 
 def _held(base: Base, split: Split, learned: Sequence[int]) -> Held:
     """Return what a split's first fold holds out, as it can be where all is learned from."""
-    fold = split.folds[0]
-    assert isinstance(fold, TrialFold)
+    fold = split.trial_folds[0]
     held = what_is_held(base.trials, base.y, sorted(fold.train), sorted(fold.test), split.key)
     return with_all(base.trials, sorted(fold.train), learned, held)
 

@@ -10,7 +10,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from taxel.errors import BadSplit
 from taxel.evaluation.fold_table import GROUP, write_fold_table
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.labels.class_order import in_order
@@ -58,7 +57,7 @@ def summary_of(dataset: Dataset, target: str, split: Split) -> SplitSummary:
         BadSplit: It splits windows that overlap.
     """
     labels = [trial.labels[target] for trial in dataset.trials]
-    whole = [fold for fold in split.folds if isinstance(fold, TrialFold)]
+    whole = split.trial_folds
     if whole:
         key = split.key
         values = [key and group_value(trial, key) for trial in dataset.trials]
@@ -109,10 +108,7 @@ def write_split(path: Path, dataset: Dataset, split: Split) -> int:
         BadSplit: It splits single windows.
         RecordingFailed: The disk refused.
     """
-    folds = [fold for fold in split.folds if isinstance(fold, TrialFold)]
-    if not folds:
-        raise BadSplit("a split that keeps trials whole, to write it as a table", split.name,
-                       "choose another split, or leave --output out")  # fmt: skip
+    folds = split.whole_trials("to write it as a table", "choose another, or leave --output out")
     often = Counter(t.recording for t in (*dataset.trials, *dataset.unlabelled, *dataset.empty))
     trials = [(trial.groups["recording"], trial.start_s if often[trial.recording] > 1 else None)
               for trial in dataset.trials]  # fmt: skip

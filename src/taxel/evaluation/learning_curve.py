@@ -79,13 +79,15 @@ def learning_curve(
 
     Raises:
         BadDataset: The recordings do not make such a data set.
-        BadSplit: They cannot be split so, or a training part has fewer than two groups.
+        BadSplit: They cannot be split so, not into whole trials, or a training part has
+            fewer than two groups.
     """
     dataset = load_dataset(path, recipe.window, target=recipe.target)
     check_gate(dataset)
     split = recipe_split(recipe.split, dataset, recipe.target, folds, recipe.train.seed)
     key = coarsest_group(dataset.trials, split.name)
-    orders = [_order(dataset, fold, key, recipe) for fold in split.folds]
+    whole = split.whole_trials("to take some away", "choose another with --split group:KEY")
+    orders = [_order(dataset, fold, key, recipe) for fold in whole]
     most = max(map(len, orders))
     if most < 2:
         raise BadSplit(
@@ -125,25 +127,15 @@ def given(
     """
     names = dataset.group(key)
     folds = []
-    for fold, order in zip(split.folds, orders, strict=True):
-        assert isinstance(fold, TrialFold)
+    for fold, order in zip(split.trial_folds, orders, strict=True):
         count = max(1, round(share * len(order)))
         kept = frozenset(t for t in fold.train if names[t] in order[:count])
         folds.append(TrialFold(fold.name, kept, fold.test, fold.validation))
     return replace(split, folds=tuple(folds))
 
 
-def _order(dataset: Dataset, fold: object, key: str, recipe: Recipe) -> list[str]:
-    """Return a fold's training groups in an order of its own, drawn by the recipe's seed.
-
-    Raises:
-        BadSplit: The fold moves single windows.
-    """
-    if not isinstance(fold, TrialFold):
-        raise BadSplit(
-            "a split that holds out whole trials", "one of single windows, which leaks",
-            "choose another with --split group:KEY",
-        )  # fmt: skip
+def _order(dataset: Dataset, fold: TrialFold, key: str, recipe: Recipe) -> list[str]:
+    """Return a fold's training groups in an order of its own, drawn by the recipe's seed."""
     names = sorted({str(dataset.group(key)[trial]) for trial in fold.train})
     random = np.random.default_rng([recipe.train.seed, *fold.name.encode()])
     return [names[i] for i in random.permutation(len(names))]
@@ -153,8 +145,7 @@ def _amount(
     dataset: Dataset, part: Split, results: Sequence[FoldPredictions], target: str, key: str
 ) -> Amount:
     names = dataset.group(key)
-    groups = [len({names[t] for t in fold.train}) for fold in part.folds
-              if isinstance(fold, TrialFold)]  # fmt: skip
+    groups = [len({names[t] for t in fold.train}) for fold in part.trial_folds]
     pooled = pool(dataset, part, results)
     windows = [len(fold.windows(dataset)[0]) for fold in part.folds]
     return Amount(

@@ -24,7 +24,7 @@ from taxel.evaluation.baselines import trivial_right
 from taxel.evaluation.metrics import cross_entropy
 from taxel.evaluation.outer_split import check_training_parts
 from taxel.evaluation.run_scores import RunScores, baseline_warning, judge, least_of_all_right
-from taxel.evaluation.splits import Split, TrialFold
+from taxel.evaluation.splits import WHOLE_SPLITS, Split
 from taxel.training.choose.base import Base
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.costs import KnownCosts
@@ -123,13 +123,7 @@ def check_choosing(
     costs = KnownCosts(limits.bare_us)
     bars_s = 0.0
     beside: dict[str, list[_Tested]] = {name: [] for name in bars}
-    for fold in split.folds:
-        if not isinstance(fold, TrialFold):
-            raise BadSplit(
-                "a split of whole trials, to choose on",
-                split.name,
-                "choose group:KEY or order:KEY:70%",
-            )
+    for fold in split.whole_trials("to choose on", WHOLE_SPLITS):
         train, test = sorted(fold.train), sorted(fold.test)
 
         def say(line: str, name: str = fold.name) -> None:
@@ -217,13 +211,7 @@ def check_choice(
         BadSplit: A fold parts windows, not trials; or no test trial gives a window.
     """
     tested = []
-    for fold in split.folds:
-        if not isinstance(fold, TrialFold):
-            raise BadSplit(
-                "a split of whole trials, to judge on",
-                split.name,
-                "choose group:KEY or order:KEY:70%",
-            )
+    for fold in split.whole_trials("to judge on", WHOLE_SPLITS):
         on_step(f"{fold.name} · training as chosen before")
         blend = fit_choice(choice, base, prepared, sorted(fold.train), seed)
         tested.append(_test(base, blend, choice, prepared, sorted(fold.test)))
@@ -246,8 +234,7 @@ def _nested(
         raise BadSplit("windows to test on", f"none in the test trials ({split.name})",
                        "hold out other trials, or record longer ones")  # fmt: skip
     right: Counter[str] = Counter()
-    for fold, own in zip(split.folds, tested, strict=True):
-        assert isinstance(fold, TrialFold)
+    for fold, own in zip(split.trial_folds, tested, strict=True):
         right.update(own.trivial_right(base, sorted(fold.train)))
     trivial = {"majority": float(np.bincount(predictions.y).max() / len(predictions))}
     return Nested(
@@ -288,8 +275,7 @@ def _mean_logs(
 
 def _predictions(base: Base, split: Split, tested: Sequence[_Tested]) -> Predictions:
     trained = np.zeros((len(tested), len(base.trials)), np.intp)
-    for number, (fold, own) in enumerate(zip(split.folds, tested, strict=True)):
-        assert isinstance(fold, TrialFold)
+    for number, (fold, own) in enumerate(zip(split.trial_folds, tested, strict=True)):
         counts = np.bincount(own.prepared.trial[own.prepared.scored], minlength=len(base.trials))
         learned = sorted(fold.train)
         trained[number, learned] = counts[learned]

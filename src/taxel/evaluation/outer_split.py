@@ -80,9 +80,7 @@ def check_training_parts(base: Base, split: Split, given: OuterSplit = USUAL) ->
     Raises:
         BadSplit: In the training part of a fold fewer than two classes have two trials.
     """
-    for fold in split.folds:
-        if not isinstance(fold, TrialFold):
-            continue
+    for fold in split.trial_folds:
         counts = np.bincount(base.y[sorted(fold.train)])
         if (counts >= 2).sum() < 2:
             raise BadSplit(

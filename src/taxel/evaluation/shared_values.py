@@ -65,7 +65,7 @@ def objects_on_both(trials: Sequence[Trial], y: NDArray[np.intp], split: Split) 
     """
     if held_out(split.name, trials) is not None:
         return []
-    folds = [fold for fold in split.folds if isinstance(fold, TrialFold)]
+    folds = split.trial_folds
     lines = [
         on_both_sides(key, [trial.groups[key] for trial in trials], y, folds)
         for key in OBJECTS

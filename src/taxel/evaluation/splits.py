@@ -25,6 +25,8 @@ from taxel.windows.dataset import Dataset
 
 NAMED = "random, group:KEY, order:KEY:LAST, order:KEY:LAST:END or order:KEY:70%[:by-class]"
 """What may be named."""
+WHOLE_SPLITS = "choose group:KEY or order:KEY:70%"
+"""What to do where whole trials are needed and single windows are split."""
 _TRIES = 50
 """Seeds tried until every training part holds every class."""
 
@@ -105,6 +107,7 @@ class WindowFold:
         return self.train, self.test
 
 
+_fold = TrialFold.of
 Fold = TrialFold | WindowFold
 
 
@@ -122,6 +125,25 @@ class Split:
     notes: tuple[str, ...] = ()
     """What a reader must know of a table: trials that it does not name, lines without a trial."""
 
+    @property
+    def trial_folds(self) -> tuple[TrialFold, ...]:
+        """Its folds that move whole trials: all of them, or none of a split by random windows."""
+        return tuple(fold for fold in self.folds if isinstance(fold, TrialFold))
+
+    def whole_trials(self, purpose: str, mend: str) -> tuple[TrialFold, ...]:
+        """Return its folds, which must all move whole trials.
+
+        Args:
+            purpose: What they are needed for, such as "to choose on".
+            mend: What to do where they do not.
+
+        Raises:
+            BadSplit: A fold moves single windows.
+        """
+        if len(self.trial_folds) < len(self.folds):
+            raise BadSplit(f"a split of whole trials, {purpose}", self.name, mend)
+        return self.trial_folds
+
 
 def random_windows(dataset: Dataset, target: str, folds: int, seed: int, test: float) -> Split:
     """Split single windows at random, as the TENG thesis seems to (0042). It leaks.
@@ -135,8 +157,7 @@ def random_windows(dataset: Dataset, target: str, folds: int, seed: int, test: f
             that it holds a window of each class; 0 keeps none.
 
     Raises:
-        BadSplit: Fewer than two folds, a class has fewer windows than folds, or the share is out
-            of its range.
+        BadSplit: Fewer than two folds, a class of fewer windows, or a share out of its range.
     """
     from sklearn.model_selection import StratifiedKFold
 
@@ -208,7 +229,7 @@ def by_group(
                 f"record {name!r} in another {key} too, or hold out another group",
             )
     everyone = np.arange(len(groups))
-    last = sorted(set(groups))[-1] if final else None
+    last = max(groups.tolist()) if final else None
     rest = everyone[groups != last] if final else everyone
     parts = _group_folds(dataset, target, groups, rest, folds, seed)
     final_fold = _fold("test", rest, everyone[groups == last]) if final else None
@@ -228,10 +249,9 @@ def by_order(dataset: Dataset, target: str, key: str, last: float, end: float = 
     after = everyone[(numbers > last) & (numbers <= end)]
     if not len(before) or not len(after):
         raise BadSplit(
-            f"trials on both sides of {key} = {last:g}",
-            f"{len(before)} and {len(after)}",
+            f"trials on both sides of {key} = {last:g}", f"{len(before)} and {len(after)}",
             f"choose a number between {numbers.min():g} and {numbers.max():g}",
-        )
+        )  # fmt: skip
     name = f"{key} up to {last:g} → above" + (f", up to {end:g}" if np.isfinite(end) else "")
     fold = _fold(name, before, after)
     check_classes(dataset, target, fold, by_class_too(key))
@@ -255,8 +275,7 @@ def by_share(
     """
     y = np.array([trial.labels[target] for trial in dataset.trials])
     first, name = first_share(key, dataset.group(key), y, text, by_class=by_class)
-    return Split(name, (TrialFold.of(name, np.flatnonzero(first), np.flatnonzero(~first)),),
-                 None, key)  # fmt: skip
+    return Split(name, (_fold(name, np.flatnonzero(first), np.flatnonzero(~first)),), None, key)
 
 
 def check_classes(dataset: Dataset, target: str, fold: TrialFold, also: str = "") -> None:
@@ -320,12 +339,12 @@ def _group_folds(
     folds: int,
     seed: int,
 ) -> tuple[TrialFold, ...]:
-    names = sorted(set(groups[rest]))
+    own = groups[rest]
+    names = sorted(set(own))
     if len(names) < 2:
         raise BadSplit("at least two groups to hold out", f"{len(names)}", "record more of them")
     if len(names) <= folds:
-        parts = [_fold(f"without {n}", rest[groups[rest] != n], rest[groups[rest] == n])
-                 for n in names]  # fmt: skip
+        parts = [_fold(f"without {n}", rest[own != n], rest[own == n]) for n in names]
         if _all_classes(dataset, target, parts):
             return tuple(parts)
     from sklearn.model_selection import StratifiedGroupKFold
@@ -340,11 +359,8 @@ def _group_folds(
     for attempt in range(_TRIES):
         splitter = StratifiedGroupKFold(count, shuffle=True, random_state=seed + 1000 * attempt)
         held = [set(owners[out]) for _, out in splitter.split(y, y, owners)]
-        parts = [
-            _fold(f"fold {i}", rest[~np.isin(groups[rest], list(out))],
-                  rest[np.isin(groups[rest], list(out))])
-            for i, out in enumerate(held, 1)
-        ]  # fmt: skip
+        sides = [np.isin(own, list(out)) for out in held]
+        parts = [_fold(f"fold {i}", rest[~out], rest[out]) for i, out in enumerate(sides, 1)]
         if all(held) and _all_classes(dataset, target, parts):
             return tuple(parts)
     raise BadSplit(
@@ -352,10 +368,6 @@ def _group_folds(
         f"none of {_TRIES} ways to make {folds} folds gives that",
         "choose fewer folds, or record more groups of each class",
     )
-
-
-def _fold(name: str, train: NDArray[np.intp], test: NDArray[np.intp]) -> TrialFold:
-    return TrialFold(name, frozenset(map(int, train)), frozenset(map(int, test)))
 
 
 def _all_classes(dataset: Dataset, target: str, parts: list[TrialFold]) -> bool:
@@ -383,8 +395,6 @@ def _check_count(y: NDArray[np.intp], classes: list[str], folds: int) -> None:
     counts = np.bincount(y, minlength=len(classes))
     if counts.min() < folds:
         rare = classes[int(counts.argmin())]
-        raise BadSplit(
-            f"at least {folds} windows of each class for {folds} folds",
-            f"{counts.min()} of {rare!r}",
-            "record more, or choose fewer folds",
-        )
+        raise BadSplit(f"at least {folds} windows of each class for {folds} folds",
+                       f"{counts.min()} of {rare!r}",
+                       "record more, or choose fewer folds")  # fmt: skip

@@ -380,8 +380,7 @@ def _nothing_to(what: str, table: FoldTable, fold: str, why: tuple[str, str]) ->
 
 def _left_out(dataset: Dataset, split: Split) -> list[str]:
     """Return a note of trials that the table does not name."""
-    named = _all(fold.train | fold.test | fold.validation for fold in split.folds
-                 if isinstance(fold, TrialFold))  # fmt: skip
+    named = _all(fold.train | fold.test | fold.validation for fold in split.trial_folds)
     if not (count := len(dataset.trials) - len(named)):
         return []
     every, stand = number_of(len(dataset.trials), "trial"), "stands" if count == 1 else "stand"

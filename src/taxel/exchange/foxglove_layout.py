@@ -30,6 +30,7 @@ from taxel.signals import UNUSABLE
 A_PLOT = 12
 """Channels in a plot; more make a further one. Source: our choice: distinct colours."""
 _MOST_PLOTS = 4
+"""Of an array; further channels are shown in its image alone. Source: our choice."""
 MAP_TOPIC = "/taxel/map"
 
 _SCRIPT = """\

@@ -135,7 +135,10 @@ class ForeignEpisode:
         number = _numbers(part, "frame_index")
         time_s = number / info.fps
         chosen = _numbers(part, "task_index").astype(np.int64)
-        self._task += [(float(at), self._tasks[int(task)]) for at, task in zip(time_s, chosen)]  # noqa: B905
+        self._task += [
+            (at, self._tasks[task])
+            for at, task in zip(time_s.tolist(), chosen.tolist(), strict=True)
+        ]
         if self._key is not None:
             values = _numbers(part, self._key).reshape(len(part), -1, len(self._names))
             rows = values.shape[1]

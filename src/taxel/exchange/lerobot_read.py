@@ -14,7 +14,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from taxel.errors import BadDataset, BadFile, BadRecording, BadSource
+from taxel.errors import BadDataset, BadFile, BadRecording, BadSource, RecordingFailed
 from taxel.exchange import lerobot_layout as layout
 from taxel.exchange.lerobot_episode import ForeignEpisode, Info, OwnEpisode, state_key
 from taxel.foreign.files import MIB, in_words, open_file
@@ -66,21 +66,12 @@ def import_lerobot(
             for done, (row, file) in enumerate(zip(rows, files, strict=True), 1):
                 _write_episode(info, row, tasks, batches, made / file)
                 progress(done, len(rows))
+    except (BadDataset, RecordingFailed):
+        raise
     except (
-        pa.ArrowException,
-        KeyError,
-        TypeError,
-        BadFile,
-        BadRecording,
-        BadSource,
-        OSError,
-    ) as error:
-        if isinstance(error, BadDataset) or type(error).__name__ == "RecordingFailed":
-            raise
-        raise _damaged(folder, error) from error
-    except ValueError as error:
-        if isinstance(error, BadDataset):
-            raise
+        pa.ArrowException, BadFile, BadRecording, BadSource, KeyError, OSError, TypeError,
+        ValueError,
+    ) as error:  # fmt: skip
         raise _damaged(folder, error) from error
     return [output / file for file in files]
 

@@ -63,7 +63,7 @@ def together(parts: Sequence[Stats]) -> Stats:
 
     def mean_of(values: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         weighted = [value * weight for value, weight in zip(values, weights, strict=True)]
-        return np.sum(weighted, axis=0) / total  # type: ignore[no-any-return]
+        return np.asarray(np.sum(weighted, axis=0) / total)
 
     mean = mean_of([part["mean"] for part in parts])
     spread = mean_of([part["std"] ** 2 + (part["mean"] - mean) ** 2 for part in parts])

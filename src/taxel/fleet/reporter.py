@@ -29,6 +29,7 @@ from taxel.fleet.reports import (
     make_report,
     topic_of,
 )
+from taxel.foreign.addresses import bracketed
 from taxel.live.station.page_link import ViewConfig
 from taxel.live.station.worker import Place, at_work, settle_memory
 
@@ -104,7 +105,7 @@ class Reporter:
         until_s = time.monotonic() + wait_s
         while not broker.connected and time.monotonic() < until_s:
             time.sleep(_LOOK_S)
-        own = f"{address.host}:{address.port} as {self.station}"
+        own = f"{bracketed(address.host)}:{address.port} as {self.station}"
         return own if broker.connected else f"{own}; no broker yet: {broker.why}; it is tried again"
 
     def take_in(self, topic: str, note: dict[str, Any]) -> None:

@@ -31,6 +31,7 @@ _MOST = 16
 _LONGEST = 300
 """Characters of a text in a report."""
 _LARGE = 1e15
+"""Seconds above which no time or age in a report is believed."""
 _LEVELS = ("warning", "danger")
 
 

@@ -1,10 +1,18 @@
-"""Options behind an address: `?key=value&key=value`. Knows nothing about what they mean."""
+"""Parts of an address: its host, and options `?key=value&key=value`.
+
+Knows nothing about what they mean.
+"""
 
 from __future__ import annotations
 
 from urllib.parse import parse_qsl
 
 from taxel.errors import BadInput
+
+
+def bracketed(host: str) -> str:
+    """Return a host as an address with a port has it: IPv6 in brackets, [::1]."""
+    return f"[{host}]" if ":" in host else host
 
 
 def read_options(query: str, wrong: type[BadInput] = BadInput) -> dict[str, str]:

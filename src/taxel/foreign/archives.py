@@ -166,7 +166,7 @@ def read_kinds(path: Path, kinds: Mapping[str, str]) -> dict[str, NDArray[Any]]:
 
 
 def array_of(content: bytes, kinds: str = "biuf") -> NDArray[Any]:
-    """Return the array that the bytes of a .npy file hold; it shares their memory.
+    """Return the array that a .npy file's bytes hold, in its own shape; it shares their memory.
 
     Args:
         content: The whole file.

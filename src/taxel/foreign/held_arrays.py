@@ -41,13 +41,21 @@ class Numbers:
         return Numbers(array.shape, array.dtype, lambda places: array[places])
 
     def part(self, axis: int, start: int, stop: int) -> NDArray[Any]:
-        """Return the piece from start to stop along an axis, and all of the others."""
+        """Return the piece from start to stop along an axis, and all of the others.
+
+        Raises:
+            BadFile: The file is damaged there.
+        """
         places = [slice(None)] * len(self.shape)
         places[axis] = slice(start, stop)
         return self.cut(tuple(places))
 
     def whole(self) -> NDArray[Any]:
-        """Return all of it."""
+        """Return all of it, of `shape`.
+
+        Raises:
+            BadFile: The file is damaged.
+        """
         return self.cut((slice(None),) * len(self.shape))
 
     def __str__(self) -> str:

@@ -115,7 +115,11 @@ class Fields:
         self._what = what
 
     def only(self, known: Collection[str]) -> None:
-        """Refuse fields that are not known, and known ones that are missing."""
+        """Refuse fields that are not known, and known ones that are missing.
+
+        Raises:
+            ValueError: There is one.
+        """
         unknown, lacking = set(self._value) - set(known), set(known) - set(self._value)
         if unknown or lacking:
             raise ValueError(fields_differ(sorted(unknown), sorted(lacking)))
@@ -124,7 +128,11 @@ class Fields:
         return self._value.get(name) is not None
 
     def any(self, name: str) -> Any:
-        """Return a value of any kind."""
+        """Return a value of any kind.
+
+        Raises:
+            ValueError: There is no such field.
+        """
         if name not in self._value:
             raise ValueError(f"{self._what} has no {name}")
         return self._value[name]

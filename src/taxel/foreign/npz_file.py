@@ -47,6 +47,7 @@ _END, _END_SIGN = 22, b"PK\5\6"
 _LOCATOR_64, _END_64, _SIGN_64 = 20, 56, b"PK\6\7"
 """The same of a zip of more than 4 GiB, or of 65,535 members; they stand right before it."""
 _LARGEST_TEXTS = 64 * MIB
+"""Bytes of an array of texts. Source: our choice."""
 
 
 class NpyFile:
@@ -237,7 +238,7 @@ def _in_memory(array: NDArray[Any]) -> Held:
 
 
 def texts_of(array: NDArray[Any]) -> Texts:
-    """Return an array of texts, or of bytes in UTF-8, without blanks at their ends.
+    """Return an array of texts, or of bytes in UTF-8, row by row, without blanks at their ends.
 
     Raises:
         BadFile: They are too many or too long, or in another encoding.

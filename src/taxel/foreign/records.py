@@ -9,13 +9,25 @@ import math
 import types
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Literal,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 
 from taxel.foreign.json_text import fields_differ
 
-_Record = TypeVar("_Record")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+_Record = TypeVar("_Record", bound="DataclassInstance")
 _LARGEST_INTEGER = 2**53
 """Above it a number of 64 bits is no longer exact."""
 
@@ -33,7 +45,7 @@ def record_of(kind: type[_Record], value: object, *, finite: bool = True) -> _Re
     """
     if not isinstance(value, Mapping):
         raise ValueError(f"{kind.__name__} is no object")
-    known = {field.name: field for field in fields(kind)}  # type: ignore[arg-type]
+    known = {field.name: field for field in fields(kind)}
     unknown = [name for name in value if name not in known]
     lacking = [
         name for name, field in known.items()
@@ -46,13 +58,13 @@ def record_of(kind: type[_Record], value: object, *, finite: bool = True) -> _Re
     return kind(**given)
 
 
-def own_numbers(record: object) -> None:
+def own_numbers(record: DataclassInstance) -> None:
     """Replace a frozen dataclass's numbers of NumPy's by Python's, as JSON and PyTorch need them.
 
     Args:
         record: Call it in `__post_init__`.
     """
-    for field in fields(record):  # type: ignore[arg-type]
+    for field in fields(record):
         value = getattr(record, field.name)
         if isinstance(value, np.generic):
             object.__setattr__(record, field.name, value.item())

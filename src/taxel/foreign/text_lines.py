@@ -100,7 +100,7 @@ class _Bounded(io.RawIOBase):
         self._path = path
         self._packed = path.name.lower().endswith(".gz")
         self._file = file
-        self._from: BinaryIO = gzip.GzipFile(fileobj=file) if self._packed else file  # type: ignore[assignment]
+        self._from: BinaryIO | gzip.GzipFile = gzip.GzipFile(fileobj=file) if self._packed else file
         self._most = most
         self._count = 0
 

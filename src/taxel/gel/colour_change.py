@@ -9,10 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gel.markers import Rgb, check_like, check_rgb, relative_brightness
+from taxel.gel.markers import ROW_PX, Rgb, check_like, check_rgb, relative_brightness
 
-_WIDTH = 320
-"""Pixels a row at which the smoothing below is meant."""
 _SMOOTH_PX = 1.0
 """Gaussian blur of the colours before division, px at that width: the noise's grain."""
 _FLOOR = 4.0
@@ -48,7 +46,7 @@ def colour_change(rgb: Rgb, reference: Rgb) -> NDArray[np.float32]:
 
 
 def _smooth(rgb: Rgb) -> NDArray[np.float32]:
-    sigma = _SMOOTH_PX * rgb.shape[1] / _WIDTH
+    sigma = _SMOOTH_PX * rgb.shape[1] / ROW_PX
     blurred = cv2.GaussianBlur(rgb.astype(np.float32), (0, 0), sigma)
     return np.asarray(blurred + np.float32(_FLOOR), np.float32)
 
@@ -56,7 +54,7 @@ def _smooth(rgb: Rgb) -> NDArray[np.float32]:
 def _ink(rgb: Rgb) -> NDArray[np.uint8]:
     """Return 1 on dots and their rims, shape (h, w)."""
     height, width = rgb.shape[:2]
-    size = (_WIDTH // 2, max(1, round(height * _WIDTH / 2 / width)))
+    size = (ROW_PX // 2, max(1, round(height * ROW_PX / 2 / width)))
     small = np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8)
     ink = (relative_brightness(small, 15) < _INK).astype(np.uint8)
     wider = cv2.dilate(ink, np.ones((5, 5), np.uint8))

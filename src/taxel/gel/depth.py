@@ -22,11 +22,9 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset
 from taxel.gel.colour_change import colour_change
 from taxel.gel.integration import Gradient, depth_from_gradients, normals_of
-from taxel.gel.markers import Rgb
+from taxel.gel.markers import ROW_PX, Rgb
 from taxel.gel.presses import Press
 
-_WIDTH = 320
-"""Pixels a row at which presses are fitted ."""
 _DEGREE = 3
 _CENTRING_MM = 0.35
 """Furthest that a marked middle is moved: Taxim's marks are up to this far off."""
@@ -190,10 +188,10 @@ class DepthModel:
 def _at_working_size(press: Press) -> Press:
     """Return a press at 320 pixels a row."""
     height, width = press.image.shape[:2]
-    if width == _WIDTH:
+    if width == ROW_PX:
         return press
-    shrink = width / _WIDTH
-    size = (_WIDTH, round(height / shrink))
+    shrink = width / ROW_PX
+    size = (ROW_PX, round(height / shrink))
     image, background = (
         np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_AREA), np.uint8)
         for part in (press.image, press.background)

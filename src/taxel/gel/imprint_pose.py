@@ -18,14 +18,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gel.markers import Rgb, relative_brightness
+from taxel.gel.markers import ROW_PX, Rgb, relative_brightness
 
 Pose = NDArray[np.float64]
 """Shape (3,): x, y (px of a 320-pixel row, about the image's middle) and turn (rad, x to y)."""
 
 _WORK_WIDTH: Final = 160
 """Pixels a row at which the imprint is followed: finer detail is JPEG's and the image sensor's."""
-_WIDTH: Final = 320
 _CLOSING_PX = 15
 _INK = 0.85
 _RIM_PX = 7
@@ -133,7 +132,7 @@ class ImprintFollower:
             pose: Since the reference, shape (3,).
         """
         if self._key is None:
-            return np.zeros(2), np.eye(2) * (_WIDTH / 6.0) ** 2
+            return np.zeros(2), np.eye(2) * (ROW_PX / 6.0) ** 2
         return self._key.placed(_after(pose, _inverse(self._key_pose)))
 
     def _lost(self) -> ImprintPose:
@@ -262,7 +261,7 @@ class _Key:
             image: Prepared, shape (h, w, 4).
             start: Pose to begin at, px of a 320-pixel row.
         """
-        scale = _WORK_WIDTH / _WIDTH
+        scale = _WORK_WIDTH / ROW_PX
         pose = start * (scale, scale, 1.0)
         normal: _Normal | None = None
         for number in range(_ROUNDS):
@@ -312,7 +311,7 @@ class _Key:
 
     def placed(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the imprint's middle and covariance at a pose, px of a 320-pixel row."""
-        scale = _WIDTH / _WORK_WIDTH
+        scale = ROW_PX / _WORK_WIDTH
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
         turn = np.array([[cos, -sin], [sin, cos]])
         return turn @ self._middle * scale + pose[:2], turn @ self._shape @ turn.T * scale**2

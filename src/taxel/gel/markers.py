@@ -19,8 +19,9 @@ from taxel.gel.dot_windows import CLEAR_PX, DotWindows, centroids, level_image, 
 Rgb = NDArray[np.uint8]
 Points = NDArray[np.float32]
 
-_WIDTH: Final = 320
-"""Pixels a row at which the sizes below were measured: docs/explanation/physics-gel."""
+ROW_PX: Final = 320
+"""Pixels a row at which sizes in this folder are meant, and poses are given:
+docs/explanation/physics-gel."""
 _SMALLEST_PX, _LARGEST_PX = 7.0, 26.0
 """Diameters that a dot may have: measured 10 to 18, with room for shear and blur."""
 _SEARCH_SCALE: Final = 2.0
@@ -90,7 +91,7 @@ def find_markers(rgb: Rgb) -> Points:
         BadSource: The image is not of that shape.
     """
     check_rgb(rgb)
-    scale = rgb.shape[1] / _WIDTH
+    scale = rgb.shape[1] / ROW_PX
     rough, diameter = _rough_dots(rgb, scale)
     if len(rough) < _FEWEST:
         return np.zeros((0, 2), np.float32)
@@ -221,7 +222,7 @@ class MarkerTracker:
 
     def _prepare(self, rgb: Rgb) -> None:
         self.spacing_px = _spacing(self._reference)
-        self.diameter_px = _rough_dots(rgb, rgb.shape[1] / _WIDTH)[1]
+        self.diameter_px = _rough_dots(rgb, rgb.shape[1] / ROW_PX)[1]
         self._windows = DotWindows.around(self.diameter_px, self.spacing_px, rgb.shape[:2])
         self._levels = levels_of(rgb)
         image = level_image(rgb, self._levels)

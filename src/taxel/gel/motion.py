@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from taxel.gel.markers import MarkerFlow
 
 _ROUNDS = 2
-_TUKEY = 4.7
+TUKEY = 4.7
 """Spreads at which a dot no longer counts. Source: Holland & Welsch 1977, 95 % efficiency."""
 _SPREAD_FLOOR_PX = 0.05
 """Tracking noise of a dot: below it, residuals are not outliers."""
 _LEAST_DOTS = 2
+"""A turn, a stretch and a shift need two dots."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +80,7 @@ def _robust(
     for _ in range(_ROUNDS if len(share) > 2 * _LEAST_DOTS else 0):
         left = np.linalg.norm(step - motion.at(before), axis=1)
         spread = max(1.4826 * float(np.median(left)), _SPREAD_FLOOR_PX)
-        trust = np.clip(1 - (left / (_TUKEY * spread)) ** 2, 0, 1) ** 2
+        trust = np.clip(1 - (left / (TUKEY * spread)) ** 2, 0, 1) ** 2
         motion = _fit(before, step, share * trust)
     middle = np.asarray(share @ before / share.sum(), np.float32)
     return replace(motion, centre_px=middle, translation_px=motion.at(middle[None])[0])

@@ -40,7 +40,9 @@ _STEEPEST_PERCENTILE = 99.0
 _ROUNDS = 3
 """Of moving the middles and fitting anew; the third moves none by more than 2 px."""
 _SEARCH_STEPS_PX = (4.0, 2.0, 1.0)
+"""Between the places that are tried for a press's middle, the coarsest first."""
 _SEARCH_REACH = 3
+"""Steps to either side of a middle that are tried at each size of step."""
 
 
 def fit_shading(presses: Sequence[Press], provenance: str = "") -> Shading:

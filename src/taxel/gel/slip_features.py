@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadSource
 from taxel.gel.contact import ContactFinder, imprint_mask
-from taxel.gel.markers import MarkerFlow, MarkerTracker, Rgb, check_rgb
+from taxel.gel.markers import ROW_PX, MarkerFlow, MarkerTracker, Rgb, check_rgb
 from taxel.gel.motion import RegionMotion, dots_in, fit_motion, summarise_flow
 from taxel.gel.texture import TextureFlow, TextureFollower
 
@@ -64,7 +64,6 @@ imprint could be followed at all; slip_* keep their last value while it is 0.
 
 LAG_FRAMES: Final = 5
 """Frames over which rates are taken: 0.2 s at 25 frames a second. Our choice."""
-_WIDTH = 320
 _NEW_KEY_PX = 4.0
 """Movement at which the imprint's key frame is renewed: the optical flow's safe reach."""
 _FEWEST_PLACES = 6
@@ -72,6 +71,7 @@ _SLIPPING_PX = 1.0
 _LEAST_CONTACT = 0.01
 """Share of the image under which the whole image is taken for the contact."""
 _FEWEST_DOTS = 4
+"""Dots that motion is fitted on at the least: the nearest, where fewer lie in the contact."""
 
 
 class SlipFeatures:
@@ -87,7 +87,7 @@ class SlipFeatures:
 
     def __init__(self, reference_frames: Sequence[Rgb]) -> None:
         reference = median_frame(reference_frames)
-        self._scale = reference.shape[1] / _WIDTH
+        self._scale = reference.shape[1] / ROW_PX
         self._tracker = MarkerTracker(reference)
         self._contact = ContactFinder(reference)
         self._settled = imprint_mask(reference)

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite, nan
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,11 +33,11 @@ _READY_FROM: Final = 4
 _RATE_LAG: Final = 4
 """Images over which the rate is taken: 0.16 s at 25 images a second. Source: our choice."""
 _READY_LAG: Final = 8
+"""Images over which compliance is taken: 0.32 s at 25 images a second. Source: our choice."""
 _SPREAD_FACTOR: Final = 1.5
 """Error of a pose over what the fit's own residuals say. Source: training cups, decision 36."""
 _GAIN_ERROR: Final = 0.04
 """Standard deviation of the slip's gain. Source: training cups, decision 36."""
-
 _DRIFT_MM: Final = 0.006
 """What grain and JPEG add to all pixels alike, which no residual shows: standard deviation over a
 pour. Source: training cups, decision 36."""
@@ -119,13 +119,38 @@ NO_SLIP: Final = Slip(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False)
 """Before anything was followed."""
 
 
+class _Moment(NamedTuple):
+    """What one image showed since the grasp; sizes, so that no side matters."""
+
+    taken_s: float
+    slip_mm: float
+    """Of the object over the gel, a turn at its lever included."""
+    gel_mm: float
+    """Of the gel, a turn at its lever included."""
+    slip_turn: float
+    """Turn of the object over the gel, rad."""
+    object_turn: float
+    """Turn of the object, rad."""
+    sd_mm: float
+    """Standard deviation of the slip."""
+
+    def rates(self, before: _Moment) -> list[float]:
+        """Return the change a second of slip, gel, slip's turn and object's turn."""
+        elapsed_s = self.taken_s - before.taken_s
+        per_s = 1 / elapsed_s if elapsed_s > 0 else 0.0
+        return [
+            (self.slip_mm - before.slip_mm) * per_s,
+            (self.gel_mm - before.gel_mm) * per_s,
+            (self.slip_turn - before.slip_turn) * per_s,
+            (self.object_turn - before.object_turn) * per_s,
+        ]
+
+
 class GelSlip:
     """Slip of the object over one gel, image by image."""
 
     def __init__(self) -> None:
-        self._past: deque[tuple[float, float, float, float, float, float]] = deque(
-            maxlen=max(_LAGS) + 1
-        )
+        self._past: deque[_Moment] = deque(maxlen=max(_LAGS) + 1)
         self._largest = 0.0
         self.slip: Slip = NO_SLIP
         """After the last image."""
@@ -135,7 +160,7 @@ class GelSlip:
     @property
     def measured_s(self) -> float:
         """When the last image in which slip was measured was taken, seconds; NaN before any."""
-        return self._past[-1][0] if self._past else nan
+        return self._past[-1].taken_s if self._past else nan
 
     def push(
         self,
@@ -154,15 +179,22 @@ class GelSlip:
             taken_s: When the image was taken, seconds; it changes nothing where this has not grown.
             seen: False where the poses could not be followed: they change nothing then.
         """
-        if not seen or (self._past and taken_s <= self._past[-1][0]):
-            self.slip = _unseen(self.slip) if not seen else self.slip
+        if not seen or (self._past and taken_s <= self._past[-1].taken_s):
+            self.slip = self.slip if seen else replace(self.slip, seen=False)
             return False
         x, y, turn = moved - gel
         distance = float(np.sqrt(x * x + y * y + (TURN_MM * turn) ** 2))
         give = float(np.sqrt(gel[0] ** 2 + gel[1] ** 2 + (TURN_MM * gel[2]) ** 2))
         noise = _spread_of(np.array([x, y, TURN_MM * turn]), spread)
         self._largest = max(self._largest, distance)
-        now = (taken_s, distance, give, abs(float(turn)), abs(float(moved[2])), noise)
+        now = _Moment(
+            taken_s=taken_s,
+            slip_mm=distance,
+            gel_mm=give,
+            slip_turn=abs(float(turn)),
+            object_turn=abs(float(moved[2])),
+            sd_mm=noise,
+        )
         self._past.append(now)
         state = (
             distance,
@@ -171,10 +203,10 @@ class GelSlip:
             self._largest,
             float(np.hypot(x, y)),
             float(np.hypot(gel[0], gel[1])),
-            now[3],
+            now.slip_turn,
             abs(float(gel[2])),
             abs(float(gel[1])),
-            now[4],
+            now.object_turn,
         )
         self.features = np.array([*state, *self._rates()])
         self.slip = self._slip_now()
@@ -182,32 +214,37 @@ class GelSlip:
 
     def _rates(self) -> list[float]:
         """Return rates over each lag, then readiness; over what there is where that is less."""
-        rates, ready = [], []
+        rates: list[float] = []
+        ready: list[float] = []
         now = self._past[-1]
         for lag in _LAGS:
-            then = self._past[max(len(self._past) - 1 - lag, 0)]
-            elapsed_s = now[0] - then[0]
-            per_s = 1 / elapsed_s if elapsed_s > 0 else 0.0
-            rates += [(now[i] - then[i]) * per_s for i in range(1, 5)]
+            then = self._before(lag)
+            rates += now.rates(then)
             if lag >= _READY_FROM:
-                ready.append((now[1] - then[1]) / (abs(now[2] - then[2]) + _SOFT_MM))
+                ready.append(
+                    (now.slip_mm - then.slip_mm) / (abs(now.gel_mm - then.gel_mm) + _SOFT_MM)
+                )
         return rates + ready
+
+    def _before(self, lag: int) -> _Moment:
+        """Return the moment so many images ago, or the oldest that there is."""
+        return self._past[max(len(self._past) - 1 - lag, 0)]
 
     def _slip_now(self) -> Slip:
         now = self._past[-1]
-        then = self._past[max(len(self._past) - 1 - _RATE_LAG, 0)]
-        before = self._past[max(len(self._past) - 1 - _READY_LAG, 0)]
-        elapsed_s = now[0] - then[0]
-        rate = (now[1] - then[1]) / elapsed_s if elapsed_s > 0 else 0.0
-        rate_sd = float(np.hypot(now[5], then[5])) / elapsed_s if elapsed_s > 0 else 0.0
-        gave = abs(now[2] - before[2]) + _SOFT_MM
-        compliance = (now[1] - before[1]) / gave
-        gave_sd = float(np.hypot(now[5], before[5]))
+        then, before = self._before(_RATE_LAG), self._before(_READY_LAG)
+        elapsed_s = now.taken_s - then.taken_s
+        rate = (now.slip_mm - then.slip_mm) / elapsed_s if elapsed_s > 0 else 0.0
+        rate_sd = float(np.hypot(now.sd_mm, then.sd_mm)) / elapsed_s if elapsed_s > 0 else 0.0
+        gave = abs(now.gel_mm - before.gel_mm) + _SOFT_MM
+        compliance = (now.slip_mm - before.slip_mm) / gave
+        gave_sd = float(np.hypot(now.sd_mm, before.sd_mm))
+        gain_sd = _GAIN_ERROR * now.slip_mm
         return Slip(
-            distance_mm=now[1],
+            distance_mm=now.slip_mm,
             rate_mm_s=rate,
             compliance=compliance,
-            distance_sd_mm=float(np.sqrt(now[5] ** 2 + (_GAIN_ERROR * now[1]) ** 2 + _DRIFT_MM**2)),
+            distance_sd_mm=float(np.sqrt(now.sd_mm**2 + gain_sd**2 + _DRIFT_MM**2)),
             rate_sd_mm_s=float(np.hypot(rate_sd, _GAIN_ERROR * rate)),
             compliance_sd=gave_sd / gave * float(np.hypot(1.0, compliance)),
             seen=True,
@@ -292,10 +329,3 @@ def _rounded(value: float, digits: int) -> float | None:
 
 def _number(value: float | None) -> float:
     return inf if value is None else float(value)
-
-
-def _unseen(slip: Slip) -> Slip:
-    return Slip(
-        slip.distance_mm, slip.rate_mm_s, slip.compliance, slip.distance_sd_mm,
-        slip.rate_sd_mm_s, slip.compliance_sd, False,
-    )  # fmt: skip

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gel.imprint_pose import ImprintFollower, ImprintPose, Pose
-from taxel.gel.markers import MarkerFlow, MarkerTracker, Rgb
+from taxel.gel.markers import ROW_PX, MarkerFlow, MarkerTracker, Rgb
+from taxel.gel.motion import TUKEY
 from taxel.gel.slip_features import median_frame
 
-_WIDTH: Final = 320
 _WHOLE, _NONE = 1.2, 1.7
 """Standard deviations of the imprint's places within which a dot counts fully, and beyond which
 not at all: the gel follows the contact less and less outside it, and an imprint that is an even
@@ -34,7 +34,6 @@ Source: pushes of training cups, docs/decisions/0036."""
 _FEWEST_DOTS = 4
 _DOT_PX = 0.03
 """Noise of one dot's centre, px: measured on still gels. Floor of the robust scale."""
-_TUKEY = 4.7
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +66,7 @@ class TouchFollower:
 
     def __init__(self, reference_frames: Sequence[Rgb]) -> None:
         reference = median_frame(reference_frames)
-        self._scale = _WIDTH / reference.shape[1]
+        self._scale = ROW_PX / reference.shape[1]
         height, width = reference.shape[:2]
         self._middle = np.array([(width - 1) / 2, (height - 1) / 2])
         self._imprint = ImprintFollower(reference)
@@ -199,7 +198,7 @@ def _rigid(
     pose = _closed_form(before, now, weights)
     size = np.linalg.norm(now - _placed(before, pose), axis=1)
     held = weights > 0
-    scale = _TUKEY * max(1.4826 * float(np.median(size[held])), _DOT_PX)
+    scale = TUKEY * max(1.4826 * float(np.median(size[held])), _DOT_PX)
     trusted = weights * np.clip(1 - (size / scale) ** 2, 0, 1) ** 2
     if (trusted > 0).sum() >= _FEWEST_DOTS:
         weights = trusted

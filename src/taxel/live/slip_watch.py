@@ -14,15 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.frame_codec import decode_jpeg
-from taxel.gel.markers import Rgb
+from taxel.gel.markers import ROW_PX, Rgb
 from taxel.gel.rim_slip import RimSlip
 from taxel.gel.slip_signal import USUAL_MM_PER_PX, PairSlip, Slip
 from taxel.gel.touch_poses import TouchFollower
 from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet
 from taxel.windows.rest import SETTLE
-
-_WIDTH = 320
 
 
 class SlipWatch:
@@ -166,4 +164,4 @@ def mm_per_px_of(camera: CameraInfo) -> float:
     """Return the millimetres that a pixel of a 320-pixel row covers."""
     if camera.mm_per_px is None:
         return USUAL_MM_PER_PX
-    return camera.mm_per_px * camera.width / _WIDTH
+    return camera.mm_per_px * camera.width / ROW_PX

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from taxel.errors import BadBundle
-from taxel.models.frame_features import FrameFeatures
+from taxel.models.frame_network import FrameNetwork
 from taxel.models.onnx_session import open_session
 from taxel.models.sequence import SENSORS
 
@@ -64,7 +64,7 @@ def export_backbone(
         BadBundle: ONNX Runtime gives other features than PyTorch.
     """
     noise = np.random.default_rng(0).integers(0, 256, (2, height_px, width_px, 3), np.uint8)
-    return _export(FrameFeatures(module, name, side_px), noise, "frames", "features")
+    return _export(FrameNetwork(module, name, side_px), noise, "frames", "features")
 
 
 def export_head(head: nn.Module, k: int, features: int) -> bytes:

@@ -166,7 +166,11 @@ def tables_of(trees: Any, classes: int) -> dict[str, NDArray[Any]]:
 
 
 def floor32(values: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the largest float32 not above each value: x ≤ t stays true for the same x."""
+    """Return the largest float32 not above each value: x ≤ t stays true for the same x.
+
+    Args:
+        values: Of any shape.
+    """
     with np.errstate(over="ignore"):
         near = values.astype(np.float32)
     return np.where(near > values, np.nextafter(near, np.float32(-np.inf)), near).astype(np.float32)

@@ -42,8 +42,6 @@ means over taxels, and only evenly spaced values. Source: as above: of 2,048 tax
 1.3 ms, and their finest showed nothing."""
 THRESHOLDS = (0.5, 2.0)
 """Deviations of the image above which a pattern answers. Source: as above."""
-IMPRINT_NUMBERS = 18
-"""What `imprints` gives of each grid."""
 _TAPS = 3
 _FINEST = 2.0**24
 """Parts of the grid's longer side: what is finer in an imprint's shape is rounding."""
@@ -62,7 +60,7 @@ class Grid(NamedTuple):
 
     @property
     def channels(self) -> NDArray[np.int64]:
-        """Return the channels' numbers row by row."""
+        """The channels' numbers row by row, shape (rows · columns,)."""
         row, column = np.indices((self.rows, self.columns)).reshape(2, -1)
         return np.asarray(self.first + row * self.down + column * self.across)
 
@@ -101,7 +99,7 @@ def _grid(places: list[tuple[int, int, int]]) -> Grid | None:
 
 
 def imprints(values: Tensor, grids: Grids) -> Tensor:
-    """Return what each scan's imprints are like, shape (n, steps, `IMPRINT_NUMBERS` a grid).
+    """Return what each scan's imprints are like, shape (n, steps, 18 a grid).
 
     Args:
         values: Shape (n, steps, channels) float64.
@@ -115,7 +113,7 @@ def _own(grid: Grid) -> Tensor:
 
 
 def _imprint(image: Tensor, grid: Grid) -> Tensor:
-    """Return numbers of one grid's images, shape (n, steps, `IMPRINT_NUMBERS`).
+    """Return numbers of one grid's images, shape (n, steps, 18).
 
     Moments are of what rises above the image's mean, about its own centre; lengths are in halves of
     the grid's longer side.

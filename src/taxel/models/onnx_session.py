@@ -47,6 +47,10 @@ def run_session(
 ) -> NDArray[np.float32]:
     """Return a model's first output.
 
+    Args:
+        session: The model.
+        inputs: Name → values, of the shapes that the model takes.
+
     Raises:
         BadBundle: ONNX Runtime refuses the inputs, or the output is no real numbers.
     """

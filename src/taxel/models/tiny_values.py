@@ -32,7 +32,12 @@ def enlarging(learned: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def enlarged(features: NDArray[np.floating], factors: NDArray[np.float64]) -> NDArray[np.floating]:
-    """Return features times their factors, of the same type; as they are where all are 1."""
+    """Return features times their factors, of the same type; as they are where all are 1.
+
+    Args:
+        features: Shape (n, features).
+        factors: Shape (features,), as `enlarging` gives them.
+    """
     if (factors == 1.0).all():
         return features
     found = np.clip(features.astype(np.float64) * factors, -_LARGEST, _LARGEST)

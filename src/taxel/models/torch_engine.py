@@ -82,7 +82,7 @@ class TorchEngine:
         return self.device.type != "cpu"
 
     def run(self, **inputs: NDArray[Any]) -> NDArray[np.float32]:
-        """Return the module's output for its one input, 32-bit."""
+        """Return the module's output for its one input, 32-bit, a row for each of the input's."""
         (values,) = inputs.values()
         values = np.ascontiguousarray(values)
         rows = len(values)

@@ -37,6 +37,7 @@ spaced rows: a mat's 2,048 taxels left time for their means alone. Source: our c
 FEWEST_SEEN = 8
 """Rows of a window that are seen however many channels it has. Source: as above."""
 _BATCH_VALUES = 1_000_000
+"""Values of windows that are looked at together: bounds memory."""
 
 
 class TouchFeatures(nn.Module):

@@ -18,6 +18,7 @@ WIDTHS = (32, 48, 64)
 LAG = 4
 """Rows between the two ends of a change. Source: our choice, 0011."""
 VIEWS = 4
+"""Of each channel: on its own scale, beside the window, beside itself, and as change."""
 
 
 class TouchNet(nn.Module):

@@ -95,14 +95,22 @@ class CdrReader:
         return self._take(self.count())
 
     def text(self) -> str:
-        """Take a string."""
+        """Take a string.
+
+        Raises:
+            ValueError: It does not end where it says, or is not UTF-8.
+        """
         content = self.data()
         if not content.endswith(b"\0"):
             raise ValueError("a text does not end where it says")
         return content[:-1].decode()
 
     def pairs(self) -> dict[str, str]:
-        """Take diagnostic_msgs/KeyValue[], each name once."""
+        """Take diagnostic_msgs/KeyValue[].
+
+        Raises:
+            ValueError: A name stands twice, or a text is damaged.
+        """
         found: dict[str, str] = {}
         for _ in range(self.count()):
             name = self.text()
@@ -113,8 +121,8 @@ class CdrReader:
 
     def _number(self, form: struct.Struct) -> int | float:
         self._at += -self._at % form.size
-        (value,) = form.unpack(self._take(form.size))
-        return value  # type: ignore[no-any-return]
+        value: int | float = form.unpack(self._take(form.size))[0]
+        return value
 
     def _take(self, size: int) -> bytes:
         end = self._at + size

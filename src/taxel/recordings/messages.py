@@ -37,7 +37,12 @@ def message_record(
 
 
 def wall_ns(time_s: NDArray[np.float64], wall_anchor_ns: int) -> NDArray[np.int64]:
-    """Return wall nanoseconds; MCAP knows no time before 1970, so earlier becomes 0."""
+    """Return wall nanoseconds, shape (n,); MCAP knows no time before 1970, so earlier becomes 0.
+
+    Args:
+        time_s: Shape (n,), on the recording's fitted clock, seconds.
+        wall_anchor_ns: Wall time of that clock's zero, nanoseconds since 1970.
+    """
     return np.maximum(np.rint(time_s * 1e9).astype(np.int64) + wall_anchor_ns, 0)
 
 

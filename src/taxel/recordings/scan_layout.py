@@ -134,7 +134,7 @@ def encode_scans(samples: Samples, first_sequence: int, wall_anchor_ns: int) -> 
 
 
 def decode_scans(records: NDArray[np.void]) -> Samples:
-    """Return the scans of message records, as arrays of their own."""
+    """Return the scans of message records, shape (n,), as arrays of their own."""
     return Samples(
         values=np.ascontiguousarray(records["values"], np.float32),
         counter=np.ascontiguousarray(records["counter"], np.int64),

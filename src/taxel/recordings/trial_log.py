@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -19,7 +20,7 @@ from typing import Any
 
 from taxel.errors import BadTable
 from taxel.foreign.files import MIB
-from taxel.foreign.text_lines import lines_of
+from taxel.foreign.text_rows import rows_of
 
 REACTIONS = ("pour stopped", "put down", "grip changed")
 """What a person may do about an alarm."""
@@ -98,15 +99,15 @@ def read_trial_log(path: Path) -> list[GraspTrial]:
         BadFile: It is no text, or too large.
         OSError: It is not there.
     """
-    rows = list(csv.reader(line for line in lines_of(path, 16 * MIB) if line.strip()))
-    if not rows or tuple(_FORMER.get(name, name) for name in rows[0]) != COLUMNS:
+    rows = rows_of(path, 16 * MIB)
+    if not rows or tuple(_FORMER.get(name, name) for name in rows[0][1]) != COLUMNS:
         raise BadTable(
             "a log of trials as taxel live writes it beside a recording, NAME.trials.csv",
             f"another table in {path}", "name that file",
         )  # fmt: skip
     if len(rows) > _MOST:
         raise BadTable(f"at most {_MOST} lines", f"{len(rows)} in {path}", "split the file")
-    return [_trial(cells, f"line {number} of {path}") for number, cells in enumerate(rows[1:], 2)]
+    return [_trial(cells, f"line {number} of {path}") for number, cells in rows[1:]]
 
 
 def trial_of(values: Mapping[str, Any]) -> GraspTrial:
@@ -134,8 +135,13 @@ def _trial(cells: list[str], where: str) -> GraspTrial:
             raise BadTable(f"{name} as one of {allowed}", f"{found[name]!r} in {where}", "mend it")
     for name in ("began_s", "ended_s", "alarm_s", "acknowledged_s", "reaction_s"):
         found[name] = _seconds(found[name], name, where)
-    if not found["number"].isdecimal() or found["began_s"] is None or found["ended_s"] is None:
-        raise BadTable("a number, began_s and ended_s", f"{cells[:3]} in {where}", "mend the line")
+    is_number = re.fullmatch(r"[0-9]{1,9}", found["number"])
+    if not is_number or found["began_s"] is None or found["ended_s"] is None:
+        raise BadTable(
+            "a number, began_s and ended_s",
+            f"{[cell[:40] for cell in cells[:3]]} in {where}",
+            "mend the line",
+        )
     return GraspTrial(**found | {"number": int(found["number"])})
 
 

@@ -12,14 +12,14 @@ Background of our choices: docs/decisions/0043.
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from taxel.errors import BadTable
 from taxel.foreign.files import MIB
-from taxel.foreign.text_lines import lines_of
+from taxel.foreign.text_rows import rows_of
 from taxel.plain_text import number_of
 from taxel.recordings.reader import read_manifest
 
@@ -62,33 +62,28 @@ def read_plan(path: Path) -> list[PlannedTrial]:
         OSError: It may not be read.
     """
     try:
-        rows = list(csv.reader(_lines(path)))
+        rows = rows_of(path, MIB)
     except FileNotFoundError as error:
         raise BadTable(
             f"the plan {path}", "no such file",
             "check the path; the plans in plans/ are found from the root of a clone of taxel",
         ) from error  # fmt: skip
-    header = [cell.strip() for cell in rows[0]] if rows else []
+    header = [cell.strip() for cell in rows[0][1]] if rows else []
     names = [_name_of(cell, path) for cell in header]
-    if not names or len(set(header)) < len(header) or not any(k != _TIMES for k, _ in names):
+    if not names or len(set(names)) < len(names) or not any(k != _TIMES for k, _ in names):
         raise BadTable(
             "a first line of label:NAME and group:NAME columns, each once, and times",
             f"{','.join(header) or 'nothing'} in {path}",
             "write for example: group:session,group:object,label:shape,times",
         )
     trials: list[PlannedTrial] = []
-    for line, cells in enumerate(rows[1:], 2):
-        if cells:
-            trials += _trials_of(cells, names, len(trials), f"{path}, line {line}")
+    for line, cells in rows[1:]:
+        trials += _trials_of(cells, names, len(trials), f"{path}, line {line}")
     if not 1 <= len(trials) <= MOST_TRIALS:
         raise BadTable(
             f"a plan of 1 to {MOST_TRIALS} trials", f"{len(trials)} in {path}", "mend the plan"
         )
     return trials
-
-
-def _lines(path: Path) -> Iterator[str]:
-    return (line for line in lines_of(path, MIB) if line.strip() and not line.startswith("#"))
 
 
 def _name_of(cell: str, path: Path) -> tuple[str, str]:
@@ -115,8 +110,8 @@ def _trials_of(
     for (kind, name), cell in zip(names, cells, strict=True):
         found[kind][name] = cell
     times = found[_TIMES].get("", "1")
-    if not times.isdecimal() or not 1 <= int(times) <= MOST_TRIALS:
-        raise BadTable(f"times of 1 to {MOST_TRIALS}", f"{times!r} in {where}", "mend the line")
+    if not re.fullmatch(r"[0-9]{1,9}", times) or not 1 <= int(times) <= MOST_TRIALS:
+        raise BadTable(f"times of 1 to {MOST_TRIALS}", f"{times[:40]!r} in {where}", "mend it")
     return [
         PlannedTrial(
             number=number,

@@ -98,7 +98,11 @@ class EmulatedCapture:
         self._open = False
 
     def open(self) -> CameraGiven:
-        """Power it at the first call; as `Capture.open`."""
+        """Power it at the first call; as `Capture.open`.
+
+        Raises:
+            BadSource: It refuses, or is unplugged.
+        """
         body, request = self._body, self._request
         if body.refuses is not None:
             raise BadSource(*body.refuses)

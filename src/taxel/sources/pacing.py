@@ -34,10 +34,10 @@ _SPARE_S = 0.006
 """Idle time that fetching ahead needs, seconds: a chunk takes 1 to 4 ms. Our choice."""
 _ON_TIME_S = 0.005
 """After a frame that fell due so lately none is looked for that is not made yet, seconds. Ours."""
-_BURST_FRAMES = 64
-"""As above, for a source without scans. Our choice."""
 _BURST_SCANS = 4096
 """Scans given at once when the source runs as fast as possible. Our choice."""
+_BURST_FRAMES = 64
+"""Frames given at once then, of a source without scans. Our choice."""
 
 
 def read_speed(options: dict[str, str]) -> float:

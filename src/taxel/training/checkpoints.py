@@ -8,19 +8,20 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import torch
-from safetensors import SafetensorError, safe_open
 from torch import nn
 
 from taxel.errors import BadFile, BadInput
-from taxel.foreign.files import check_tensors
 from taxel.foreign.json_text import parse_json
 from taxel.foreign.records import record_of
-from taxel.models.backbones.weight_files import save_tensors
+from taxel.models.backbones.weight_files import read_tensors, save_tensors
 
-_Record = TypeVar("_Record")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+_Record = TypeVar("_Record", bound="DataclassInstance")
 
 
 def save_weights(path: Path, network: nn.Module, about: dict[str, str]) -> None:
@@ -114,10 +115,8 @@ def _put(path: Path, network: nn.Module, tensors: dict[str, torch.Tensor]) -> No
 
 def _load(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, str]]:
     try:
-        check_tensors(path)
-        with safe_open(path, framework="pt") as file:
-            return {key: file.get_tensor(key) for key in file.keys()}, file.metadata() or {}  # noqa: SIM118
-    except (SafetensorError, OSError, BadFile) as error:
+        return read_tensors(path)
+    except (OSError, BadFile) as error:
         raise BadInput(
             f"a readable safetensors file {path.name}",
             f"a damaged one ({getattr(error, 'got', error)})",

@@ -35,6 +35,7 @@ MM_PER_PX = 0.059
 """Of a 320-pixel row where the camera does not say: Taxim's 0.0295 at 640
 (docs/explanation/physics-gel: 0.059 to 0.071)."""
 _DEEPEST_PERCENTILE = 99.8
+"""Of the depth map, which counts as its greatest depth: single pixels may be noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -201,45 +201,14 @@ def load_dataset(
     stated = config.max_age_s is not None and config.grid_hz is None  # then no rate is asked for
     rates_hz = [] if stated else rates_of(paths)
     config = fit_gap(fit_age(config, rates_hz), rates_hz)
-    sensor: SensorInfo | None = None
-    trials: list[Trial] = []
-    parts: list[Windows] = []
-    owners: list[NDArray[np.intp]] = []
-    outside = stale = 0
-    digest = hashlib.sha256()
-    fingerprints, spans = {}, {}
-    for file in paths:
-        recording = read_recording(file)
-        content = recording.samples.values.tobytes()
-        digest.update(content)
-        fingerprints[file.name] = hashlib.sha256(content).hexdigest()
-        sensor = sensor or recording.manifest.sensor
-        check_sensor(sensor, recording.manifest.sensor, file, config)
-        if not len(recording.samples):
-            continue
-        ends = recording.samples.fitted_s[[0, -1]].tolist()
-        spans[file.stem] = ends[0], ends[1]
-        own = trials_of(file, recording.manifest, recording.marks, *spans[file.stem])
-        windows = cut_windows(recording.samples, config, recording.manifest.sensor)
-        owner = owners_of(windows, own)
-        wanted = np.array([_matches(trial, where or {}) for trial in own], bool)
-        outside += int((owner < 0).sum())
-        kept = (owner >= 0) & wanted[owner]
-        parts.append(windows[kept])
-        stale += _stale(parts[-1], recording.samples, config, recording.manifest.sensor)
-        owners.append((np.cumsum(wanted) - 1)[owner[kept]] + len(trials))
-        trials += [trial for trial, own_wanted in zip(own, wanted, strict=True) if own_wanted]
-    if sensor is None or not sum(map(len, parts)):
+    cut = _cut_all(paths, config, where or {})
+    if cut is None:
         raise nothing_found(path, config, where)
-    if not unusable and not any(part.ready.any() for part in parts):
-        stretches = whole_stretches(paths, config, trials)
-        raise nothing_usable(sum(map(len, parts)), stale, config, stretches)
-    cut = _Cut(Windows.join(parts), np.concatenate(owners), trials, sensor, outside, stale)
+    if not unusable and not cut.windows.ready.any():
+        stretches = whole_stretches(paths, config, cut.trials)
+        raise nothing_usable(len(cut.windows), cut.stale, config, stretches)
     made = follow_levels(_assemble(cut, config, keep=unusable), config.level_follow, usual)
-    made = replace(
-        made, digest=digest.hexdigest(), fingerprints=fingerprints, spans=spans,
-        notes=(*rates_note(config, rates_hz), *made.notes),
-    )  # fmt: skip
+    made = replace(made, notes=(*rates_note(config, rates_hz), *made.notes))
     if target is None:
         return made
     made = only_labelled(made, target, path)
@@ -248,7 +217,7 @@ def load_dataset(
     return replace(made, notes=(*made.notes, *rare_note(made.trials, target)))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Cut:
     """All windows of some recordings."""
 
@@ -261,6 +230,47 @@ class _Cut:
     """Windows that were left out, as they lie across a trial's border or outside."""
     stale: int
     """Windows that hold rows whose latest scan is too old."""
+    digest: str
+    fingerprints: dict[str, str]
+    spans: dict[str, tuple[float, float]]
+
+
+def _cut_all(paths: list[Path], config: WindowConfig, where: Mapping[str, str]) -> _Cut | None:
+    """Return the windows of recordings that lie in a wanted trial; None where there is none."""
+    sensor: SensorInfo | None = None
+    trials: list[Trial] = []
+    parts: list[Windows] = []
+    owners: list[NDArray[np.intp]] = []
+    outside = stale = 0
+    digest, fingerprints, spans = hashlib.sha256(), {}, {}
+    for file in paths:
+        recording = read_recording(file)
+        samples, about = recording.samples, recording.manifest.sensor
+        digest.update(samples.values.tobytes())
+        fingerprints[file.name] = hashlib.sha256(samples.values.tobytes()).hexdigest()
+        sensor = sensor or about
+        check_sensor(sensor, about, file, config)
+        if not len(samples):
+            continue
+        first_s, last_s = samples.fitted_s[[0, -1]].tolist()
+        spans[file.stem] = first_s, last_s
+        own = trials_of(file, recording.manifest, recording.marks, first_s, last_s)
+        windows = cut_windows(samples, config, about)
+        owner = owners_of(windows, own)
+        wanted = np.array([_matches(trial, where) for trial in own], bool)
+        outside += int((owner < 0).sum())
+        kept = (owner >= 0) & wanted[owner]
+        parts.append(windows[kept])
+        stale += _stale(parts[-1], samples, config, about)
+        owners.append((np.cumsum(wanted) - 1)[owner[kept]] + len(trials))
+        trials += [trial for trial, own_wanted in zip(own, wanted, strict=True) if own_wanted]
+    if sensor is None or not sum(map(len, parts)):
+        return None
+    return _Cut(
+        windows=Windows.join(parts), trial=np.concatenate(owners), trials=trials, sensor=sensor,
+        outside=outside, stale=stale, digest=digest.hexdigest(), fingerprints=fingerprints,
+        spans=spans,
+    )  # fmt: skip
 
 
 def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
@@ -313,7 +323,9 @@ def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
         trials=kept,
         sensor=cut.sensor.only(config.channels),
         config=config,
-        digest="",
+        digest=cut.digest,
+        fingerprints=cut.fingerprints,
+        spans=cut.spans,
         notes=tuple(notes),
         reference=reference,
         to_level=to_level,

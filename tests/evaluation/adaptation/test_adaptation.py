@@ -11,13 +11,8 @@ from taxel.bench.audit import adapt as audit_adapt
 from taxel.bench.audit.adapt import adapt_time_rows, corrections_of, new_classes_of, pads_of
 from taxel.errors import BadDataset
 from taxel.evaluation.adaptation import pads
-from taxel.evaluation.adaptation.new_class import (
-    METHODS,
-    AdaptConfig,
-    default_config,
-    first_grasps,
-    measure_new_class,
-)
+from taxel.evaluation.adaptation.held_sessions import METHODS, AdaptConfig, default_config
+from taxel.evaluation.adaptation.new_class import first_grasps, measure_new_class
 from taxel.evaluation.adaptation.online import measure_online
 from taxel.evaluation.adaptation.pads import (
     ALL,

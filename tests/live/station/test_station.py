@@ -297,6 +297,17 @@ def test_a_source_at_another_speed_is_refused(pour: Path):
         pass
 
 
+def test_a_folder_is_refused_with_one_of_its_recordings(pour: Path):
+    config = StationConfig(sources=(f"replay://{pour.parent}?speed=max",), bundles=())
+    with (
+        pytest.raises(
+            BadSource, match=r"a folder of \d+ recordings?; name one, as in .*\.mcap, or"
+        ),
+        Station(config),
+    ):
+        pass
+
+
 def test_a_source_that_cannot_be_opened_ends_the_start_in_its_own_words():
     with (
         pytest.raises(BadSource, match="a simulator that exists"),

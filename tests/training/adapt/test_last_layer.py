@@ -7,7 +7,8 @@ import pytest
 from make_dataset import make_dataset
 
 from taxel.errors import BadDataset, BadInput
-from taxel.evaluation.adaptation.new_class import best, first_grasps, run_of, windows_of
+from taxel.evaluation.adaptation.held_sessions import predicted, run_of, windows_of
+from taxel.evaluation.adaptation.new_class import first_grasps
 from taxel.models.catalogue import find_network
 from taxel.training.adapt.last_layer import adapt_last_layer
 from taxel.training.exemplars import Exemplars, all_exemplars, thin_out
@@ -46,9 +47,9 @@ def five(run: Run) -> Exemplars:
 
 
 def test_five_grasps_teach_a_class_and_the_old_ones_stay(run: Run) -> None:
-    before = (best(run, TEST) == TEST.y)[TEST.y < 2].mean()
+    before = (predicted(run, TEST) == TEST.y)[TEST.y < 2].mean()
 
-    right = best(learn(run, five(run)), TEST) == TEST.y
+    right = predicted(learn(run, five(run)), TEST) == TEST.y
 
     assert right[TEST.y == 2].mean() > 0.9
     assert right[TEST.y < 2].mean() >= before - 0.02
@@ -85,7 +86,7 @@ def test_an_adapted_run_comes_back_from_its_folder_and_can_learn_again(
 
     back = load_run(tmp_path / "run")
 
-    np.testing.assert_array_equal(best(back, TEST), best(adapted, TEST))
+    np.testing.assert_array_equal(predicted(back, TEST), predicted(adapted, TEST))
     assert back.exemplars is not None
     assert set(back.exemplars.y) == {0, 1, 2}
     fourth = replace(five(run), values=five(run).values[:, ::-1] * 3.0, y=five(run).y)

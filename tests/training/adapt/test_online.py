@@ -9,7 +9,7 @@ from make_dataset import make_dataset
 
 from taxel.bundles.versions import class_key
 from taxel.errors import BadDataset, MissingExtra
-from taxel.evaluation.adaptation.new_class import best, run_of, windows_of
+from taxel.evaluation.adaptation.held_sessions import predicted, run_of, windows_of
 from taxel.training.adapt.correcting import learn_corrections, run_probabilities
 from taxel.training.adapt.drift import DriftWatch
 from taxel.training.adapt.new_data import Grasps, by_class
@@ -57,7 +57,7 @@ def test_before_any_correction_it_answers_as_the_run_does(run: Run) -> None:
 
     scaled = run.contract.scaling.apply(own.values, own.mask)
     np.testing.assert_allclose(now, predict(run.networks[0], scaled, own.mask), atol=1e-5)
-    np.testing.assert_array_equal(best(OnlineLearner(run).learned(), ALL), best(run, ALL))
+    np.testing.assert_array_equal(predicted(OnlineLearner(run).learned(), ALL), predicted(run, ALL))
 
 
 def test_corrections_make_answers_better_and_forget_no_class(run: Run) -> None:
@@ -68,12 +68,13 @@ def test_corrections_make_answers_better_and_forget_no_class(run: Run) -> None:
     found = learn_corrections(run, grasps(own[~late]), watch=False)
 
     was, now = (
-        float((best(trained, own[late]) == own.y[late]).mean()) for trained in (run, found.run)
+        float((predicted(trained, own[late]) == own.y[late]).mean()) for trained in (run, found.run)
     )
     assert now > was
     for number in range(3):
         part = old[old.y == number]
-        lost = (best(run, part) == number).mean() - (best(found.run, part) == number).mean()
+        before, after = (predicted(trained, part) == number for trained in (run, found.run))
+        lost = before.mean() - after.mean()
         assert lost <= 0.15
 
 

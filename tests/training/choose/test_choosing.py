@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from taxel.errors import BadDataset, BadInput
+from taxel.errors import BadDataset, BadInput, BadSplit
 from taxel.evaluation import expert as expert_module
 from taxel.evaluation.expert import Task, measure, train_expert
 from taxel.evaluation.outer_split import OuterSplit
@@ -244,6 +244,11 @@ def test_a_network_trained_on_noise_knows_channels_that_stand_still():
     settle_norms(network, data)
 
     assert evaluate(network, data)[1] > 0.9
+
+
+def test_a_split_of_single_windows_is_refused(recordings: Path):
+    with pytest.raises(BadSplit, match="a split of whole trials"):
+        train_expert(Task(data=recordings, target="kind", split=OuterSplit(named="random")))
 
 
 @pytest.mark.slow

@@ -16,16 +16,14 @@ import numpy as np
 import torch
 
 from taxel.bench.rows import Row, accuracy_row, row
-from taxel.evaluation.adaptation.new_class import (
+from taxel.evaluation.adaptation.held_sessions import (
     CHOSEN,
     AdaptConfig,
-    GraspsPoint,
     default_config,
-    first_grasps,
-    measure_new_class,
     run_of,
     windows_of,
 )
+from taxel.evaluation.adaptation.new_class import GraspsPoint, first_grasps, measure_new_class
 from taxel.evaluation.adaptation.online import OnlinePoint, measure_online
 from taxel.evaluation.adaptation.pads import PadPoint, measure_pads
 from taxel.sources.simulated.data_sets import simulate_presets, simulate_unknown

@@ -21,6 +21,7 @@ from taxel.bench.rows import Row, missing, row
 
 if TYPE_CHECKING:
     from taxel.evaluation.camera_trials.marker_residual import MarkerResidual
+    from taxel.sim.pour.cup_pour import Gel
 
 ROUNDS = 3
 """Times that a pour is rendered; the quickest counts."""
@@ -114,7 +115,7 @@ def residual_rows(data: Path | None) -> list[Row]:
     if data is None or not (data / "gelsight-slip").exists():
         return [missing(name, "share", "", "no recordings: name their folder with --data")]
     found = {"real": real_residuals(data)}
-    found |= {f"gel {gel}": simulated_residuals(gel) for gel in (1, 2)}
+    found |= {"gel 1": simulated_residuals(1), "gel 2": simulated_residuals(2)}
     rows = []
     for kind, both in found.items():
         for what in PARTS:
@@ -179,7 +180,7 @@ def real_residuals(data: Path) -> dict[bool, ShearFound]:
     return found
 
 
-def simulated_residuals(gel: int) -> dict[bool, ShearFound]:
+def simulated_residuals(gel: Gel) -> dict[bool, ShearFound]:
     """Return those of simulated pours' left cameras, by whether the cup slipped 300 µm."""
     from taxel.evaluation.camera_trials.marker_residual import marker_residual
     from taxel.frame_codec import decode_jpeg, encode_jpeg
@@ -189,7 +190,7 @@ def simulated_residuals(gel: int) -> dict[bool, ShearFound]:
     found: dict[bool, ShearFound] = {slipped: ShearFound(0, []) for slipped in (False, True)}
     config = CupPourConfig(cups=CUPS, first_cup=FIRST_CUP, still=0.0)
     for run in list_runs(config):
-        track, videos = simulate_videos(run, 25.0 / EVERY, 60.0, float(SECONDS), gel)  # type: ignore[arg-type]
+        track, videos = simulate_videos(run, 25.0 / EVERY, 60.0, float(SECONDS), gel)
         seen = (decode_jpeg(encode_jpeg(image), videos[0].info) for image in videos[0].images)
         reference, frames = _split(seen)
         _count(found, bool(track.truth[-1, 0] > 300.0), marker_residual(reference, frames))

@@ -23,7 +23,7 @@ from taxel.evaluation.early_warning.events import poisson_interval
 from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.labels.grasp_start import Rgb, find_starts
 from taxel.recordings.whole import write_whole
-from taxel.sim.pour.cups import Kind, Position, PourRun, draw_cup
+from taxel.sim.pour.cups import FORCES_N, POSITIONS, Kind, PourRun, draw_cup
 from taxel.sim.pour.scene_draws import draw_grasp
 from taxel.sources.simulated.pour_sets import CAMERA_HZ, simulate_videos
 from taxel.training.frames.features import default_cache
@@ -36,8 +36,6 @@ EARLY_S, LATE_S = 0.1, 1.0
 docs/decisions/0045."""
 BRUSH_EVERY = 3
 """Of so many grasps one is followed by a brush against one gel. Our choice."""
-_POSITIONS: tuple[Position, ...] = get_args(Position)
-_FORCES_N = (15.0, 25.0, 40.0, 50.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +58,7 @@ def start_runs() -> Iterator[tuple[str, PourRun]]:
     """Yield what is rendered: (file's name, run)."""
     kinds: tuple[Kind, ...] = get_args(Kind)
     for number, cup in enumerate(TEST_CUPS):
-        position, force_n = _POSITIONS[number % 3], _FORCES_N[number // 3 % len(_FORCES_N)]
+        position, force_n = POSITIONS[number % 3], FORCES_N[number // 3 % len(FORCES_N)]
         kind = kinds[number % len(kinds)]
         run = draw_grasp(SEED, draw_cup(SEED, cup), position, force_n, kind, 30, approach=True)
         yield f"{cup}.json", run

@@ -97,7 +97,7 @@ def c_number(value: Any, low: int, high: int, suffix: str = "") -> str:
 
 
 def c_numbers(values: NDArray[Any]) -> list[str]:
-    """Return whole numbers of an array as C, in the order of its memory.
+    """Return whole numbers of an array of any shape as C, row by row.
 
     Raises:
         BadBundle: They are no whole numbers.

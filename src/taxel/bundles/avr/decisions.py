@@ -12,6 +12,7 @@ from enum import IntEnum
 KIND = 7
 """The first byte of its payload."""
 NO_CLASS = 255
+"""In the place of a class: the board decided nothing."""
 _LAYOUT = struct.Struct("<BBIIBBBI")
 
 

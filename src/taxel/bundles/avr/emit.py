@@ -33,6 +33,7 @@ RUNTIME = ("taxel_cnn.h", "taxel_cnn.c", "taxel_window.h", "taxel_window.c")
 _MOST_IN_A_ROW = 255 * 8
 """The C loops count eights in one byte."""
 _TIME_SLACK = 1e-6
+"""Ticks: a gap of a whole number of them must not be rounded down to one less."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -205,7 +205,12 @@ def patches(images: NDArray[Any]) -> NDArray[Any]:
 
 
 def pooled(images: NDArray[Any], least: int) -> NDArray[Any]:
-    """Return the largest of each 2×2 pixels, sides rounded up; `least` fills what is missing."""
+    """Return the largest of each 2×2 pixels, shape (n, ⌈rows / 2⌉, ⌈columns / 2⌉, filters).
+
+    Args:
+        images: Shape (n, rows, columns, filters).
+        least: Fills what is missing at an odd side.
+    """
     n, rows, columns, filters = images.shape
     even = np.pad(images, ((0, 0), (0, rows % 2), (0, columns % 2), (0, 0)), constant_values=least)
     tall, wide = even.shape[1] // 2, even.shape[2] // 2

@@ -193,10 +193,13 @@ def _from_source(address: str, sensors: Sequence[str], stack: ExitStack) -> _Blo
 
 
 def _columns(info: SensorInfo, sensors: Sequence[str]) -> list[int]:
-    try:
-        return list(info.indices(tuple(sensors)))
-    except ValueError as error:
-        raise BadInput("sensors of this array", str(error), "mend --sensors") from error
+    odd = [name for name in sensors if name not in info.channels]
+    if odd:
+        raise BadInput(
+            f"--sensors among {', '.join(map(visible, info.channels))}", visible(odd[0]),
+            "correct it",
+        )  # fmt: skip
+    return list(info.indices(tuple(sensors)))
 
 
 def _bare(address: str) -> str:
@@ -213,12 +216,25 @@ def _document(address: str, info: SensorInfo, found: Sequence[Durability]) -> di
         "unit": info.units[0],
         "channels": [finite(asdict(channel)) for channel in found],
         "notes": [
+            *_not_stated(found),
             "lost: by a straight line through the logarithms of the heights of the commonest "
             "rate's taps, stated for 10,000 taps; below 0 is a gain; 95 % in brackets",
             "response 10 to 90 % and recovery 90 to 10 %: median and quartiles; they include "
             "the speed of the finger or machine that taps",
         ],
     }
+
+
+def _not_stated(found: Sequence[Durability]) -> list[str]:
+    """Return a line on channels whose loss is too uncertain to be stated, if there are any."""
+    names = [each.channel for each in found
+             if math.isfinite(each.first) and not math.isfinite(each.lost[0])]  # fmt: skip
+    if not names:
+        return []
+    return [
+        f"{', '.join(map(visible, names))}: no loss is stated, since its 95 % interval for 10,000 "
+        "taps would be wider than 200 points: tap more often, always with the same force"
+    ]
 
 
 def _with_ends(ends: Sequence[float | None], factor: float, form: str, unit: str = "") -> str:

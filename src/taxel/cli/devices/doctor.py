@@ -36,6 +36,7 @@ docs/decisions/0015."""
 WRITE_MB_S = 20.0
 """Ten times what those cameras write, megabytes a second. Our choice, docs/decisions/0015."""
 _TRIAL_BYTES = 16 << 20
+"""Written to measure the disk's speed."""
 _STEADY_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc_page", "xen")
 
 

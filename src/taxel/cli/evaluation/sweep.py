@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
@@ -19,9 +19,27 @@ from taxel.plain_text import finite, number_of
 from taxel.recordings.whole import write_whole
 
 if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+
+    from taxel.decisions.recognition import RecogniseConfig
     from taxel.evaluation.robustness.curve import FaultPoint
+    from taxel.evaluation.robustness.touches import Model
 
 _LARGEST_SEED = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ArraySweep:
+    """What is measured of an array's bundle."""
+
+    file: Path
+    model: Model
+    """The bundle, opened."""
+    names: Sequence[str]
+    """Faults or conditions; all where empty."""
+    levels: Sequence[float]
+    """Of the one that is named; its own where empty."""
+    config: RecogniseConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,64 +145,69 @@ class Sweep:
     def _array(
         self, file: Path, names: Sequence[str], levels: Sequence[float]
     ) -> tuple[list[FaultPoint], str, float]:
+        """Return an array's points, what they are of in words, and the accuracy of chance, 0…1."""
         from taxel.bundles.reader import read_bundle
         from taxel.decisions.recognition import RecogniseConfig
-        from taxel.evaluation.learned_recordings import recordings_trained_on
-        from taxel.evaluation.robustness.array_sweep import plan_array, sweep_array
+        from taxel.evaluation.robustness.touches import bundle_model
+
+        model = bundle_model(read_bundle(file))
+        config = RecogniseConfig(least_confidence=self.least_confidence or 0.0)
+        asked = _ArraySweep(file=file, model=model, names=names, levels=levels, config=config)
+        with progress() as bar:
+            if self.data is None:
+                points = self._simulated(asked, bar)
+                where = f"{number_of(self.sessions, 'new session')} of sim://teng each"
+            else:
+                points, where = self._recorded(asked, self.data, bar), str(self.data)
+        contract = model.contract
+        return points, f"{contract.target} · {file.name} on {where}", 1.0 / len(contract.classes)
+
+    def _simulated(self, asked: _ArraySweep, bar: Bar) -> list[FaultPoint]:
+        """Judge new sessions of the simulated hand at each level of each condition."""
         from taxel.evaluation.robustness.conditions import (
             NewSessions,
             plan_conditions,
             sweep_conditions,
         )
-        from taxel.evaluation.robustness.sweep_jobs import sweep_recordings, sweep_simulated
-        from taxel.evaluation.robustness.touches import bundle_model, read_touches
+        from taxel.evaluation.robustness.sweep_jobs import sweep_simulated
+        from taxel.jobs.running import shared_out
+
+        plan = plan_conditions(asked.names, asked.levels)
+        show = _shown_on(bar, "simulating", 1 + sum(map(len, plan.values())))
+        which = NewSessions(
+            seed=self.seed, sessions=self.sessions, scans=round(100 * self.session_s)
+        )
+        if shared_out():
+            return sweep_simulated(asked.file, plan, which, asked.config, show)
+        return sweep_conditions(asked.model, plan, which, asked.config, on_point=show)
+
+    def _recorded(self, asked: _ArraySweep, data: Path, bar: Bar) -> list[FaultPoint]:
+        """Judge recordings on whose scans the faults are made."""
+        from taxel.evaluation.learned_recordings import recordings_trained_on
+        from taxel.evaluation.robustness.array_sweep import plan_array, sweep_array
+        from taxel.evaluation.robustness.sweep_jobs import sweep_recordings
+        from taxel.evaluation.robustness.touches import read_touches
         from taxel.jobs.running import shared_out
         from taxel.recordings.reader import list_recordings
 
-        model = bundle_model(read_bundle(file))
-        config = RecogniseConfig(least_confidence=self.least_confidence or 0.0)
-        chance = 1.0 / len(model.contract.classes)
-        with progress() as bar:
-            task = bar.add_task("reading", total=None)
-
-            def show(point: FaultPoint) -> None:
-                bar.update(task, description=point.fault, advance=1)
-
-            if self.data is None:
-                plan = plan_conditions(names, levels)
-                bar.update(task, description="simulating", total=1 + sum(map(len, plan.values())))
-                which = NewSessions(
-                    seed=self.seed, sessions=self.sessions, scans=round(100 * self.session_s)
-                )
-                if shared_out():
-                    points = sweep_simulated(file, plan, which, config, show)
-                else:
-                    points = sweep_conditions(model, plan, which, config, on_point=show)
-                where = f"{number_of(self.sessions, 'new session')} of sim://teng each"
-            else:
-                contract = model.contract
-                channels = len(contract.channels) if contract.window.channels is None else None
-                plan = plan_array(names, levels, channels)
-                touches, digest = read_touches(self.data)
-                asked, channels = names or plan, len(touches[0].sensor.channels)
-                plan = plan_array(names, levels, channels)
-                if left := ", ".join(name for name in asked if name not in plan):
-                    _note(
-                        f"{left} left out: an array of {number_of(channels, 'channel')} "
-                        "cannot have it."
-                    )
-                seen = recordings_trained_on(contract, list_recordings(self.data))
-                _warn_if_seen(bool(seen) or digest == contract.data_digest)
-                bar.update(task, total=1 + sum(map(len, plan.values())))
-                if shared_out():
-                    data = (self.data, digest)
-                    points = sweep_recordings(file, data, plan, config, self.seed, show)
-                else:
-                    points = sweep_array(
-                        model, touches, plan, config=config, seed=self.seed, on_point=show
-                    )
-                where = str(self.data)
-        return points, f"{model.contract.target} · {file.name} on {where}", chance
+        contract = asked.model.contract
+        known = len(contract.channels) if contract.window.channels is None else None
+        plan = plan_array(asked.names, asked.levels, known)  # refused before all is read
+        reading = bar.add_task("reading", total=None)
+        touches, digest = read_touches(data)
+        bar.remove_task(reading)
+        names, channels = asked.names or plan, len(touches[0].sensor.channels)
+        plan = plan_array(asked.names, asked.levels, channels)
+        if left := ", ".join(name for name in names if name not in plan):
+            _note(f"{left} left out: an array of {number_of(channels, 'channel')} cannot have it.")
+        seen = recordings_trained_on(contract, list_recordings(data))
+        _warn_if_seen(bool(seen) or digest == contract.data_digest)
+        show = _shown_on(bar, "without a fault", 1 + sum(map(len, plan.values())))
+        if shared_out():
+            return sweep_recordings(asked.file, (data, digest), plan, asked.config, self.seed, show)
+        return sweep_array(
+            asked.model, touches, plan, config=asked.config, seed=self.seed, on_point=show
+        )
 
     def _cameras(
         self, file: Path, names: Sequence[str], levels: Sequence[float]
@@ -239,6 +262,16 @@ def _warn_if_seen(seen: bool) -> None:
 
 def _note(text: str) -> None:
     say_aside(f"taxel: {text}")
+
+
+def _shown_on(bar: Bar, first: str, total: int) -> Callable[[FaultPoint], None]:
+    """Return what shows each point on a bar of so many steps."""
+    task = bar.add_task(first, total=total)
+
+    def show(point: FaultPoint) -> None:
+        bar.update(task, description=point.fault, advance=1)
+
+    return show
 
 
 def _words(given: Sequence[str]) -> tuple[str, ...]:

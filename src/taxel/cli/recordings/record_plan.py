@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from taxel.actions.guided_trials import RecordedTrial
 
 SIMULATED = "sim://cup-pour"
+_ARRAYS = ("sim://", "serial://")
+"""How addresses of arrays begin, but for that of the simulated pair."""
 TARE = Path("tare") / "untouched.mcap"
 TARE_S = 1.0
 """How long untouched gels are recorded, seconds. Source: our choice, docs/decisions/0043."""
@@ -62,6 +64,11 @@ def record_plan(options: PlanRecording, stopped: Callable[[], bool]) -> None:
         simulated = options.source.partition("?")[0] == SIMULATED
         if options.tare and simulated:
             raise BadInput("--tare with real cameras", SIMULATED, "leave --tare out")
+        if options.source.startswith(_ARRAYS) and not simulated:
+            raise BadInput(
+                "tactile cameras for a plan of grasps", f"an array, {options.source}",
+                "record an array without --plan, or let the hand grasp by a plan: taxel collect",
+            )  # fmt: skip
         asks = options.ask and not simulated
         if asks and not console.is_terminal and options.page is None:
             raise BadInput(

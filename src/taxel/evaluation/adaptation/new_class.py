@@ -14,15 +14,26 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any, TypeVar
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from taxel.errors import BadDataset
-from taxel.jobs.running import side_by_side
+from taxel.evaluation.adaptation.held_sessions import (
+    ALL_LAYERS,
+    BODY,
+    CHOSEN,
+    NEAREST,
+    SOFTMAX,
+    STATISTICS,
+    AdaptConfig,
+    by_session,
+    predicted,
+    renumbered,
+    run_of,
+    windows_of,
+)
 from taxel.models.catalogue import find_network
 from taxel.training.adapt.last_layer import (
     FeatureKind,
@@ -32,47 +43,18 @@ from taxel.training.adapt.last_layer import (
     features_of,
     with_last,
 )
-from taxel.training.exemplars import Exemplars, all_exemplars, thin_out
-from taxel.training.fitting import Fitted, Job, TrainingSet, fit_model
+from taxel.training.exemplars import Exemplars, all_exemplars
 from taxel.training.loop import Labelled, TrainConfig, fit, new_network
-from taxel.training.recipes import Recipe, find_recipe
-from taxel.training.run import Run, contract_of
-from taxel.windows.dataset import Dataset, load_dataset
-from taxel.windows.windower import Windows
+from taxel.training.run import Run
+from taxel.windows.dataset import load_dataset
 
-_Point = TypeVar("_Point")
-CHOSEN = "taxel adapt"
-BODY = "body's features, shared covariance"
-STATISTICS = "with channels' statistics, shared covariance"
-SOFTMAX = "last layer alone, softmax (thesis)"
-NEAREST = "nearest class mean"
-ALL_LAYERS = "all layers, rehearsing"
 _KINDS: dict[str, FeatureKind] = {CHOSEN: "auto", BODY: "body", STATISTICS: "statistics"}
-METHODS = (CHOSEN, BODY, STATISTICS, SOFTMAX, NEAREST, ALL_LAYERS)
-GRASPS = (1, 2, 5, 10, 20)
-"""Grasps of the new class. Source: our choice, docs/decisions/0028."""
 _STEPS = 40
 """Steps of the softmax's solver (L-BFGS). Source: our choice."""
 _WEIGHT_COST = 1e-2
 """Of its squared weights. Source: our choice."""
 _REHEARSAL = TrainConfig(epochs=20, learning_rate=2e-3)
 """How all layers are trained on. Source: our choice."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AdaptConfig:
-    """What to measure."""
-
-    recipe: Recipe
-    targets: tuple[str, ...] = ("shape", "material")
-    grasps: tuple[int, ...] = GRASPS
-    methods: tuple[str, ...] = METHODS
-    """All are measured at five grasps; `CHOSEN` at each number."""
-    new_classes: tuple[str, ...] = ()
-    """Only these are learned anew; each class in turn unless given."""
-    sessions: int | None = None
-    """How many sessions to hold out, one at a time; all unless given."""
-    workers: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,11 +87,6 @@ class GraspsPoint:
     """To train on all classes with all data, one thread."""
 
 
-def default_config() -> AdaptConfig:
-    """Return what the reported figures are measured with."""
-    return AdaptConfig(recipe=find_recipe("teng-referenced"))
-
-
 def measure_new_class(
     paths: Sequence[Path], config: AdaptConfig, on_step: Callable[[str], None] = lambda _: None
 ) -> list[GraspsPoint]:
@@ -119,47 +96,6 @@ def measure_new_class(
         BadDataset: A data set has fewer than two sessions, or a target fewer than three classes.
     """
     return by_session(_one_session, paths, config, "new class", on_step, classes=3)
-
-
-def by_session(
-    work: Callable[[Path, AdaptConfig, str, str], list[_Point]],
-    paths: Sequence[Path],
-    config: AdaptConfig,
-    what: str,
-    on_step: Callable[[str], None],
-    classes: int = 2,
-) -> list[_Point]:
-    """Return the points of all sessions, each held out once, in a process of its own.
-
-    Args:
-        work: Returns the points of a data set, a target and the session held out.
-        paths: The data sets.
-        config: What to measure.
-        what: Said to `on_step` after each session.
-        on_step: Called with a line.
-        classes: How many a target must have.
-
-    Raises:
-        BadDataset: A data set has fewer than two sessions, or a target fewer classes.
-    """
-    jobs = []
-    for path in paths:
-        for target in config.targets:
-            dataset = load_dataset(path, config.recipe.window, target=target)
-            names = sorted(set(dataset.group("session")))
-            if len(names) < 2 or len(dataset.classes(target)) < classes:
-                raise BadDataset(
-                    f"two sessions, to hold one out, and {classes} classes of {target}",
-                    f"{len(names)} and {len(dataset.classes(target))} in {path}",
-                    "record more",
-                )
-            jobs += [(path, config, target, name) for name in names[: config.sessions]]
-
-    def report(points: list[Any]) -> None:
-        on_step(f"{what} · {points[0].target} · {points[0].session} held out")
-
-    by_job = side_by_side(work, jobs, report, config.workers)
-    return [point for points in by_job for point in points]
 
 
 def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> list[GraspsPoint]:
@@ -173,7 +109,7 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
     started = perf_counter()
     full = run_of(dataset, train, classes, target, config.recipe)
     full_s = perf_counter() - started
-    right = best(full, test) == test.y
+    right = predicted(full, test) == test.y
     points = []
     for number, name in enumerate(classes):
         if config.new_classes and name not in config.new_classes:
@@ -181,15 +117,15 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
         rest = [class_ for class_ in classes if class_ != name]
         old = test.y != number
         body = run_of(dataset, train[train.y != number], rest, target, config.recipe)
-        mine = _renumbered(test, classes, (*rest, name))
-        before = float((best(body, mine) == mine.y)[old].mean())
+        mine = renumbered(test, classes, (*rest, name))
+        before = float((predicted(body, mine) == mine.y)[old].mean())
         for grasps in config.grasps:
             new = first_grasps(train[train.y == number], grasps, session, number)
             for method in config.methods if grasps == 5 else (CHOSEN,):
                 started = perf_counter()
                 adapted = _adapt(body, new, name, method)
                 seconds = perf_counter() - started
-                good = best(adapted, mine) == mine.y
+                good = predicted(adapted, mine) == mine.y
                 points.append(
                     GraspsPoint(
                         str(path), target, name, session, method, grasps,
@@ -205,48 +141,6 @@ def _share(good: NDArray[np.bool_]) -> float:
     return float(good.mean()) if len(good) else float("nan")
 
 
-def run_of(
-    dataset: Dataset, train: Exemplars, classes: Sequence[str], target: str, recipe: Recipe
-) -> Run:
-    """Return a run trained on some windows of a data set, with its exemplars.
-
-    Args:
-        dataset: Whose sensor, window and level hold.
-        train: Windows with class numbers as in `dataset.classes(target)`.
-        classes: The classes that occur, sorted.
-        target: What is predicted.
-        recipe: The model and its training.
-    """
-    own = _renumbered(train, dataset.classes(target), classes)
-    training = TrainingSet(windows_of(own), own.y, len(classes), dataset.sensor.full_scale)
-    fitted = fit_model(training, replace(Job.of(recipe), target=target))
-    contract = contract_of(dataset, target, recipe.model, fitted.networks, fitted.scaling, {})
-    return Run(
-        networks=fitted.networks,
-        contract=replace(contract, classes=tuple(classes)),
-        train=recipe.train,
-        history=(),
-        data="",
-        exemplars=thin_out(own),
-    )
-
-
-def windows_of(own: Exemplars) -> Windows:
-    """Return exemplars as windows whose times are not known."""
-    n = len(own)
-    none = np.zeros(n)
-    return Windows(
-        own.values, own.mask, np.ones(n, np.float32), none.astype(np.float32), none, none
-    )
-
-
-def best(run: Run, windows: Exemplars) -> NDArray[np.intp]:
-    """Return the class number that a run predicts for each window, shape (n,)."""
-    fitted = Fitted(run.networks, run.contract.scaling, [])
-    found: NDArray[np.intp] = fitted.probabilities(windows.values, windows.mask).argmax(axis=1)
-    return found
-
-
 def first_grasps(own: Exemplars, grasps: int, held_out: str, turn: int) -> Exemplars:
     """Return the first grasps of one training session; which session depends on `turn` alone."""
     names = sorted(set(own.session))
@@ -255,11 +149,6 @@ def first_grasps(own: Exemplars, grasps: int, held_out: str, turn: int) -> Exemp
     _, first = np.unique(there.grasp, return_index=True)
     kept = there.grasp[np.sort(first)][:grasps]
     return there[np.isin(there.grasp, kept)]
-
-
-def _renumbered(windows: Exemplars, before: Sequence[str], after: Sequence[str]) -> Exemplars:
-    number = np.array([list(after).index(n) if n in after else -1 for n in before], np.intp)
-    return replace(windows, y=number[windows.y])
 
 
 def _adapt(run: Run, new: Exemplars, name: str, method: str) -> Run:

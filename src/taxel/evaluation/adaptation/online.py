@@ -13,7 +13,13 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from taxel.evaluation.adaptation.new_class import AdaptConfig, best, by_session, run_of, windows_of
+from taxel.evaluation.adaptation.held_sessions import (
+    AdaptConfig,
+    by_session,
+    predicted,
+    run_of,
+    windows_of,
+)
 from taxel.evaluation.adaptation.pads import ALL, draw_gains
 from taxel.training.adapt.correcting import learn_corrections
 from taxel.training.adapt.new_data import Grasps
@@ -79,7 +85,7 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
         kept = np.isin(stream.grasp, order[3::4])
         corrected = learn_corrections(run, _grasps(stream[~kept], classes))
         test, other = stream[kept], train[~np.isin(train.grasp, run.exemplars.grasp)]
-        before, after = best(run, other) == other.y, best(corrected.run, other) == other.y
+        before, after = predicted(run, other) == other.y, predicted(corrected.run, other) == other.y
         lost = [
             float(before[other.y == c].mean() - after[other.y == c].mean())
             for c in np.unique(other.y)
@@ -88,8 +94,8 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
             OnlinePoint(
                 target, session, changed, corrected.grasps, corrected.prequential,
                 corrected.unlearned,
-                float((best(run, test) == test.y).mean()),
-                float((best(corrected.run, test) == test.y).mean()),
+                float((predicted(run, test) == test.y).mean()),
+                float((predicted(corrected.run, test) == test.y).mean()),
                 max(lost, default=float("nan")), tuple(drift.grasp for drift in corrected.drifts),
             )
         )  # fmt: skip

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import at_level
 from taxel.bundles.levels import measure_level
-from taxel.evaluation.adaptation.new_class import AdaptConfig, by_session, run_of
+from taxel.evaluation.adaptation.held_sessions import AdaptConfig, by_session, run_of
 from taxel.evaluation.metrics import by_trial
 from taxel.evaluation.robustness.touches import recorded
 from taxel.labels.joined import joined_label
@@ -124,7 +124,17 @@ def draw_gains(rng: np.random.Generator, case: str, channels: int) -> NDArray[np
 
 
 def change_pads(source: Path, output: Path, gain: NDArray[np.float64]) -> None:
-    """Write a recording again as changed pads would have given it."""
+    """Write a recording again as changed pads would have given it.
+
+    Args:
+        source: The recording.
+        output: The new one.
+        gain: What each channel is multiplied by, shape (channels,); cut at its full scale.
+
+    Raises:
+        BadInput: The new one exists.
+        RecordingFailed: The disk refused.
+    """
     recording = read_recording(source)
     full = recording.manifest.sensor.full_scale
     values = (recording.samples.values * gain).astype(np.float32)
@@ -138,7 +148,8 @@ def change_pads(source: Path, output: Path, gain: NDArray[np.float64]) -> None:
 
 
 def grasps_to_test(run: Run, file: Path, cut: Sequence[Exemplars]) -> NDArray[np.str_]:
-    """Return the names of a recording's grasps of known classes, with windows or without.
+    """Return the names of a recording's grasps of known classes, with windows or without, shape
+    (grasps,).
 
     Args:
         run: What predicts.

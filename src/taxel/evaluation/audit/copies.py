@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -336,7 +337,7 @@ def _turns(touch: TouchSet) -> list[Callable[[NDArray[np.float64]], NDArray[np.f
     ]  # fmt: skip
     if touch.squares is None:
         channels = touch.rows[0].shape[1]
-        turns += [lambda c, k=k: np.roll(c, k, axis=2) for k in range(1, min(channels, 13))]  # type: ignore[misc]
+        turns += [partial(np.roll, shift=k, axis=2) for k in range(1, min(channels, 13))]
         return turns
     high, wide = touch.squares
     cameras = len(touch.views) // (high * wide)

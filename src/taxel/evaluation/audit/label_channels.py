@@ -48,7 +48,12 @@ def _follows(values: NDArray[np.float32], y: NDArray[np.intp]) -> bool:
 
 
 def read_label_channels(case: Case, found: NDArray[np.intp]) -> Reading:
-    """Return how well channels that hold a label predict the one that is audited."""
+    """Return how well channels that hold a label predict the one that is audited.
+
+    Args:
+        case: What is audited.
+        found: Indices of those channels, shape (m,).
+    """
     touch = case.touch
     names = touch.channels or tuple(f"channel {i + 1}" for i in range(touch.rows[0].shape[1]))
     own = visible_names([names[channel] for channel in found])
@@ -74,7 +79,12 @@ def read_label_channels(case: Case, found: NDArray[np.intp]) -> Reading:
 
 
 def without_channels(touch: TouchSet, left_out: NDArray[np.intp]) -> TouchSet:
-    """Return the trials without some of their channels."""
+    """Return the trials without some of their channels.
+
+    Args:
+        touch: The trials.
+        left_out: Indices of those channels, shape (m,).
+    """
     kept = np.setdiff1d(np.arange(touch.rows[0].shape[1]), left_out)
     return replace(
         touch,

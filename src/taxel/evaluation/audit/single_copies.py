@@ -30,7 +30,10 @@ ALMOST = 10
 """Two trials almost meet if at most one channel in so many differs, one at least. Source: our
 choice, docs/decisions/0023."""
 _ALIKE = 0.999
+"""Correlation over channels from which on two trials are compared channel by channel. Source: our
+choice."""
 _BLOCK = 64
+"""Trials that are compared with all others at a time: bounds memory."""
 
 Table = NDArray[np.float32]
 

@@ -82,7 +82,7 @@ class TouchSet:
         return np.array([index[trial.labels[self.target]] for trial in self.trials], np.intp)
 
     def only(self, kept: NDArray[np.intp]) -> TouchSet:
-        """Return some of the trials, in the order given."""
+        """Return some of the trials by their indices, shape (m,), in the order given."""
         return replace(
             self,
             trials=tuple(self.trials[i] for i in kept),

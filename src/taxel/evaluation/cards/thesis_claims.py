@@ -189,7 +189,7 @@ def _thesis_field() -> ClaimsOfPart:
                 where="4.4",
                 what="trials misclassified for altered surfaces or extreme temperature",
                 claimed="below 3 %",
-                why="which trials are meant is not said, and 3 % sits badly beside “above 95 %”",
+                why="the thesis does not say which trials are meant; 3 % and “above 95 %” disagree",
             ),
         ),
     )

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from taxel.training.frames.extractors import BackboneExtractor
 
 _CHECK_WINDOWS = 32
+"""Windows stored in a bundle for the check on load."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -111,7 +111,7 @@ class SessionAnswers:
 
     def answered_grasps(self) -> tuple[NDArray[np.bool_], NDArray[np.str_]]:
         """Return whether each grasp with an answered window is right by all of them joined, and
-        its session.
+        its session, shape (grasps,) each.
         """
         counted = self.answered if self.known is None else self.answered & self.known
         if not counted.any():

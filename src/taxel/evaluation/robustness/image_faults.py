@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadInput
 from taxel.frame_codec import decode_jpeg, encode_jpeg
-from taxel.gel.markers import MarkerTracker, brightest
+from taxel.gel.markers import ROW_PX, MarkerTracker, brightest
 from taxel.signals import Frame
 
 Rgb = NDArray[np.uint8]
@@ -27,8 +27,6 @@ Change = Callable[[Rgb], Rgb]
 """What happens to each different image of one camera, in order."""
 STEP_S = (0.5, 2.0)
 """When the exposure jumps, seconds after the first frame: after the settled grasp. Our choice."""
-_WIDTH = 320
-"""Pixels a row at which the lengths below were chosen."""
 _CLOSING_PX = 29
 """Wider than a dot, narrower than the spacing of dots. Source: `taxel.gel.markers`."""
 _DOT, _CLEAR = 0.72, 0.92
@@ -56,7 +54,7 @@ def exposure(image: Rgb, stops: float) -> Rgb:
 
 def blur(image: Rgb, sigma_px: float) -> Rgb:
     """Return an image out of focus; sigma in pixels of a 320-pixel row."""
-    sigma = sigma_px * image.shape[1] / _WIDTH
+    sigma = sigma_px * image.shape[1] / ROW_PX
     return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma), np.uint8) if sigma > 0 else image
 
 
@@ -68,7 +66,7 @@ def fade(image: Rgb, share: float, where: NDArray[np.float32] | None = None) -> 
         share: 0…1; at 1 markers are gone.
         where: Shape (height, width), 0…1: where ink is lost; everywhere unless given.
     """
-    size = round(_CLOSING_PX * image.shape[1] / _WIDTH) | 1
+    size = round(_CLOSING_PX * image.shape[1] / ROW_PX) | 1
     filled = cv2.morphologyEx(image, cv2.MORPH_CLOSE, np.ones((size, size), np.uint8))
     around = cv2.blur(filled, (size, size)).astype(np.float32)
     ratio = brightest(image.astype(np.float32) / np.maximum(around, 1.0))
@@ -105,7 +103,7 @@ def _scratches(level: float, random: np.random.Generator) -> Change:
             half = 0.5 * length * width * np.array([np.cos(angle), np.sin(angle)])
             at = middle * (width, height)
             start, end = ((at + sign * half).round().astype(int).tolist() for sign in (-1, 1))
-            cv2.line(layer, start, end, float(light), max(1, round(width / _WIDTH)), cv2.LINE_AA)
+            cv2.line(layer, start, end, float(light), max(1, round(width / ROW_PX)), cv2.LINE_AA)
         return np.asarray(np.rint(image + layer[..., None]).clip(0, 255), np.uint8)
 
     return change

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taxel.errors import BadSplit
 from taxel.evaluation.crossval import run_fold
 from taxel.evaluation.fold_jobs import Opened, Source, opened_once
 from taxel.evaluation.splits import TrialFold
@@ -44,9 +43,7 @@ def folds_inside(opened: Opened, target: str, outer: int | None) -> list[TrialFo
         BadSplit: The outer split parts windows, or the side has too few trials.
     """
     split, trials = opened.split, opened.dataset.trials
-    first = split.folds[outer or 0]
-    if not isinstance(first, TrialFold):
-        raise BadSplit("a split of whole trials, to search on", split.name, "choose group:KEY")
+    first = split.whole_trials("to search on", "choose group:KEY")[outer or 0]
     train = range(len(trials)) if outer is None else sorted(first.train)
     names = opened.dataset.classes(target)
     y = np.array([names.index(trial.labels[target]) for trial in trials], np.intp)

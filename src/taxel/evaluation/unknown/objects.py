@@ -75,7 +75,7 @@ def find_unknown(
 
     Args:
         dataset: Known and unknown trials.
-        kinds: As `kinds_of` gives them.
+        kinds: Of each trial, shape (trials,), as `kinds_of` gives them.
         config: What to run.
         on_step: Called with a line after each fold.
 
@@ -90,8 +90,7 @@ def find_unknown(
     key = config.group or coarsest_group(known.trials)
     split = by_group(known, config.target, key, config.folds, config.seed)
     windows, grasps = [], []
-    for number, fold in enumerate(split.folds, 1):
-        assert isinstance(fold, TrialFold)
+    for number, fold in enumerate(split.trial_folds, 1):
         result = _one_fold(dataset, np.flatnonzero(kinds == ""), kinds, fold, key, config)
         windows.append(result[0])
         grasps.append(result[1])
@@ -121,11 +120,12 @@ def leave_each_out(
     refused: dict[str, str] = {}
     for name in classes:
         kinds = kinds_of(dataset, config.target, [name])
+
+        def say(line: str, name: str = name) -> None:
+            on_step(f"without {name} · {line}")
+
         try:
-            results[name] = find_unknown(
-                dataset, kinds, config,
-                lambda line, name=name: on_step(f"without {name} · {line}"),  # type: ignore[misc]
-            )  # fmt: skip
+            results[name] = find_unknown(dataset, kinds, config, say)
         except BadInput as error:
             if len(refused) == len(classes) - 1:
                 raise

@@ -221,8 +221,8 @@ class _GraspWatcher:
         note: dict[str, Any] = {
             "kind": "grasp", "who": self._who, "state": state.name, "reason": reason,
             "skipped": self._skipped,
-            "since_s": since_s if since_s == since_s else None,
-            "p": p if p == p else None, "is_score": self._is_score, "late": self._monitor.late(),
+            "since_s": _number(since_s), "p": _number(p),
+            "is_score": self._is_score, "late": self._monitor.late(),
             **times,
         }  # fmt: skip
         self._sent_s = times["decided_s"]
@@ -366,7 +366,8 @@ def _ends_grasp(packet: Packet) -> bool:
 
 
 def _number(value: float) -> float | None:
-    return value if value == value else None
+    """Return a number as JSON has it: None in place of NaN."""
+    return None if math.isnan(value) else value
 
 
 def _asks(packet: Packet, what: str) -> bool:

@@ -53,7 +53,11 @@ def _need_room(size: int) -> None:
 
 
 def bytes_of(memory: shared_memory.SharedMemory) -> memoryview:
-    """Return the bytes of shared memory that is open."""
+    """Return the bytes of shared memory.
+
+    Raises:
+        ValueError: It was closed.
+    """
     found = memory.buf
     if found is None:
         raise ValueError("needed shared memory that is open; got a closed one")

@@ -67,12 +67,14 @@ class Latencies:
         return self._weighed
 
     def overhead_ms(self) -> NDArray[np.float64]:
-        """Return what each decision took from the host to the alarm without the model, ms."""
+        """Return what each decision took from the host to the alarm without the model, ms,
+        shape (decisions,).
+        """
         parts = np.array([self._ms[stage] for stage in _OVERHEAD])
         return np.asarray(parts.sum(axis=0), np.float64)
 
     def whole_ms(self) -> NDArray[np.float64]:
-        """Return what each decision took from the shutter to the alarm, ms."""
+        """Return what each decision took from the shutter to the alarm, ms, shape (decisions,)."""
         parts = np.array(list(self._ms.values()))
         return np.asarray(parts.sum(axis=0), np.float64)
 

@@ -31,11 +31,19 @@ from taxel.live.station.recording import Recording, choose_recorded, record
 from taxel.live.station.ring import Ring, RingReader, RingWriter
 from taxel.live.station.worker import Place
 from taxel.models.devices import CPU
+from taxel.plain_text import number_of
 from taxel.signals import CameraInfo, SensorInfo
+from taxel.sources.opening import recordings_of
 
 _RING_BYTES = 16 * 2**20
 """Of a source: six seconds of two cameras at 60 Hz. Source: our choice."""
 _NOTE_BYTES = 2**18
+"""Of a ring of notes: some hundreds of decisions. Source: our choice."""
+_ALONE = (
+    "taxel live with one bundle (no --also beside one of cameras) and no --page, --record, "
+    "--gripper, --tell, --publish and --beside"
+)
+"""When there is no station, for messages."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,6 +144,7 @@ class Wiring:
             read_own_contract(path, config.trust)
         self._checksums = {path: checksum_of(path) for path in config.bundles}
         for number, url in enumerate(config.sources):
+            _check_whole(url)
             _check_pace(url)
             self._start_feed(url, number)
         for feed in self.feeds:
@@ -286,6 +295,23 @@ class Wiring:
         return self._stack.enter_context(Ring(size)).name
 
 
+def _check_whole(url: str) -> None:
+    """Refuse a folder: its recordings are replayed one after another, and a station has one source.
+
+    Raises:
+        BadSource: The address is a folder's.
+        BadRecording: It is, and no recording is in it.
+    """
+    files = recordings_of(url)
+    if files != [url]:
+        raise BadSource(
+            "one recording where several processes run",
+            f"a folder of {number_of(len(files), 'recording')}",
+            f"name one, as in {files[0].removeprefix('replay://').partition('?')[0]}, or run "
+            f"{_ALONE}",
+        )
+
+
 def _check_pace(url: str) -> None:
     """Refuse a source that runs faster or slower than the world: its stamps are not now.
 
@@ -296,6 +322,5 @@ def _check_pace(url: str) -> None:
     if asked != "1":
         raise BadSource(
             "speed=1 where several processes run", f"speed={asked}",
-            "leave it out, or run taxel live with one bundle (no --also beside one of cameras) "
-            "and no --page, --record, --gripper, --tell, --publish and --beside",
+            f"leave it out, or run {_ALONE}",
         )  # fmt: skip

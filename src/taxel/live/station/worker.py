@@ -33,6 +33,7 @@ Python's own 5 ms are longer than an alarm may take."""
 _SLACK_NS = 1
 """How late a timer may ring so as to ring with others; the system's own is 50 µs. Our choice."""
 _PR_SET_TIMERSLACK = 29
+"""Option of prctl(2). Source: linux/prctl.h."""
 
 
 class Rank(IntEnum):

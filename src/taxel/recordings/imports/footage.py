@@ -218,7 +218,9 @@ Footage = Video | Images | FrameArray
 
 
 def coloured(footage: Footage) -> Iterator[NDArray[np.uint8]]:
-    """Yield the frames, and refuse grey ones: imports serve grasp monitors too, which need colour.
+    """Yield the frames, shape (height, width, 3), and refuse grey ones.
+
+    Imports serve grasp monitors too, which need colour.
 
     Camera trials in place do without: they are seen in grey, but for one small view.
 

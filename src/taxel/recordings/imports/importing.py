@@ -334,6 +334,7 @@ def _import_file(job: _Job, content: Content, path: Path) -> FileFacts:
         decimal_comma=table.decimal_comma,
         one_more=table.one_more,
         passed_over=table.passed_over,
+        other_units=table.other_units,
         scans=len(samples),
         repeated=len(table.dropped.repeated),
         garbled=len(table.dropped.garbled),

@@ -23,8 +23,7 @@ FAST_HZ = 50_000.0
 choice, docs/decisions/0004."""
 SLOW_HZ = 1.0
 """Scans a second below which a time column's unit may be wrong: ms read as s is 1000 times too
-slow, and touch is sampled faster. Source: our
-choice, docs/decisions/0004."""
+slow, and touch is sampled faster. Source: our choice, docs/decisions/0004."""
 
 NO_CHANNELS = frozenset(
     ("", "unnamed: 0", "index", "label", "labels", "target", "class", "state", "slip", "trial",
@@ -61,12 +60,14 @@ class FileFacts:
     """Whether each of its rows ends in a separator, though the line of names does not."""
     passed_over: str = ""
     """Which of its lines around the names are no rows, and why; or empty."""
+    other_units: str = ""
+    """Which columns have another unit in it than in the table; or empty."""
     scans: int = 0
     """How many were imported."""
     repeated: int = 0
     """Rows that were left out, as they repeat the time of the row above."""
     garbled: int = 0
-    """Rows that were left out, as their time is far outside those of both neighbours."""
+    """Rows that were left out, as their time is far outside its neighbours'."""
     rate_hz: float = 0.0
     """Scans a second, hertz, by the median step; 0 for a single scan."""
     time: str = ""
@@ -178,6 +179,7 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
         *_coarse([facts for facts in files if facts.coarse]),
         *_lying([facts for facts in files if facts.lying]),
         *_passed_over([facts for facts in files if facts.passed_over]),
+        *_other_units([facts for facts in files if facts.other_units]),
         *_rates(slow, "few"),
         *_rates(fast, "many"),
         *_gaps([facts for facts in files if facts.gaps], len(files)),
@@ -310,6 +312,11 @@ def _one_more(files: Sequence[FileFacts]) -> list[str]:
 
 def _passed_over(files: Sequence[FileFacts]) -> list[str]:
     return [f"{_some(files)}: passed over {files[0].passed_over}"] if files else []
+
+
+def _other_units(files: Sequence[FileFacts]) -> list[str]:
+    more = "; values stay as they are: if the file is right, correct the import table's unit"
+    return [f"{_some(files)}: states {files[0].other_units}{more}"] if files else []
 
 
 def _coarse(files: Sequence[FileFacts]) -> list[str]:

@@ -176,7 +176,7 @@ class TextTrials:
         table = Table(
             values=whole.values[run.start : run.stop], time_s=whole.time_s[run.start : run.stop],
             names=whole.names, units=whole.units, decimal_comma=whole.decimal_comma,
-            one_more=whole.one_more, passed_over=whole.passed_over,
+            one_more=whole.one_more, passed_over=whole.passed_over, other_units=whole.other_units,
         )  # fmt: skip
         if self._time.column is None:  # by the rate, from 0 in each trial
             return replace(table, time_s=whole.time_s[: run.stop - run.start]), Padding()

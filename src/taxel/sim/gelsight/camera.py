@@ -44,6 +44,7 @@ _FLEETING_GRAIN = 0.65
 _CHROMA_SHARE = 0.4
 """Share of the grain that the three colours do not have in common (the stream is 4:2:0)."""
 _POOL, _SPARE_PX = 4, 64
+"""Images of grain that are drawn once, and how far each may be shifted: new grain at no cost."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

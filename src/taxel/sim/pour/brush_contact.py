@@ -190,7 +190,7 @@ class BrushField:
         return sides * cells * self._stiffness, sides * self._stiffness * float(self._arm2.sum())
 
     def surface_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return each pad's mean movement (sides, 2), mm, and twist (sides,), rad."""
+        """Return each pad's mean movement, shape (sides, 2), mm, and twist, shape (sides,), rad."""
         x, y, share = self.shear_x + self._set_x, self.shear_y + self._set_y, self.patch.share
         moved = np.stack([x @ share, y @ share], axis=1)
         turn = (y * self.patch.x_mm - x * self.patch.y_mm) @ share

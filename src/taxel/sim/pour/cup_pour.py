@@ -12,13 +12,22 @@ docs/decisions/0013.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.sim.pour.brush_contact import BrushField, elliptic_patch
-from taxel.sim.pour.cups import MOVING_KINDS, Kind, Position, PourRun, draw_cup, draw_kinds
+from taxel.sim.pour.cups import (
+    FORCES_N,
+    MOVING_KINDS,
+    POSITIONS,
+    Kind,
+    Position,
+    PourRun,
+    draw_cup,
+    draw_kinds,
+)
 from taxel.sim.pour.gel_shear import LayerGels, LayerMoment
 from taxel.sim.pour.grip_limits import GRAVITY_M_S2, half_axes, indentation, pour_less
 from taxel.sim.pour.run_forces import RunGrip, RunPulls
@@ -55,7 +64,7 @@ RELEASE_S = 0.03
 """Time constant of a pad that springs back from a lost cup. Our choice: two frames."""
 GONE_MM = 40.0
 """A lost cup has fallen out of every image. Our choice: twice the pad's width."""
-_HANG_S = 0.6
+HANG_S = 0.6
 """How long the empty cup hangs before time zero."""
 
 
@@ -68,9 +77,8 @@ class CupPourConfig:
     """Source: paper, section 3.2."""
     first_cup: int = 0
     """Number of the first cup: sets with other numbers share no cup."""
-    positions: tuple[Position, ...] = ("upper", "middle", "lower")
-    forces_n: tuple[float, ...] = (15.0, 25.0, 40.0, 50.0)
-    """Source: paper, section 3.2."""
+    positions: tuple[Position, ...] = POSITIONS
+    forces_n: tuple[float, ...] = FORCES_N
     repetitions: int = 1
     """Runs of each cup, position and force."""
     still: float = 0.3
@@ -96,7 +104,7 @@ class CupPourConfig:
             )
         if min(self.cups, self.repetitions) < 1 or not self.forces_n or min(self.forces_n) <= 0:
             raise ValueError("needed at least one cup and repetition, and forces above 0 N")
-        if not set() < set(self.positions) <= set(get_args(Position)) or self.seed < 0:
+        if not set() < set(self.positions) <= set(POSITIONS) or self.seed < 0:
             raise ValueError("needed positions among upper, middle and lower, and a seed from 0")
         if not (0 <= self.negatives <= 1 and 0 <= self.still <= 1):
             raise ValueError("needed negatives and still within 0 and 1")
@@ -177,7 +185,7 @@ class PourSim:
         self._speed = np.zeros(3)
         self._normal_n = run.force_n
         self._sliding = np.zeros(2)
-        for _ in range(round(_HANG_S / STEP_S)):
+        for _ in range(round(HANG_S / STEP_S)):
             self._advance(0.0 if self._stands else run.force_n, STEP_S, hanging=True)
         if self._stands and run.approach is None:  # gripped as it stands: nothing is sheared yet
             self._normal_n = run.force_n
@@ -214,18 +222,10 @@ class PourSim:
         if self.around is not None:
             load_n = float(np.hypot(*self._field.forces()[:2]))
         load_n *= not self.dropped
-        known = np.array(
-            [
-                slip_um,
-                float(self._sliding.max()),
-                np.degrees(moved[2]),
-                moved[1],
-                load_n,
-                self._normal_n,
-                self.poured_g,
-                float(self.dropped),
-            ]
-        )
+        known = np.array([
+            slip_um, float(self._sliding.max()), np.degrees(moved[2]), moved[1], load_n,
+            self._normal_n, self.poured_g, float(self.dropped),
+        ])  # fmt: skip
         if self.around is None:
             return known
         motion = self.around.truth(self.time_s, self._grip.phase(self.time_s))

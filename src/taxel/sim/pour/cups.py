@@ -15,6 +15,9 @@ import numpy as np
 from taxel.sim.pour.scenes import Approach, Scene
 
 Position = Literal["upper", "middle", "lower"]
+POSITIONS: tuple[Position, ...] = get_args(Position)
+FORCES_N = (15.0, 25.0, 40.0, 50.0)
+"""With which each cup is gripped at each position, newtons. Source: paper, section 3.2."""
 Kind = Literal[
     "pour", "still", "no-slip pour", "bump", "grip drop", "late slip",
     "lift", "tilt", "carry", "hand-over", "collision",

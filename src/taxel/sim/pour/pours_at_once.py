@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from taxel.sim.pour.brush_contact import STRIBECK_MM_S, elliptic_patch
 from taxel.sim.pour.cup_pour import (
-    _HANG_S,
     DAMPING_S,
     DROP_MM,
     DROP_RAD,
     GEL_MM,
     GEL_SHEAR_KPA,
     GONE_MM,
+    HANG_S,
     LAYER_FACTOR,
     RELEASE_S,
     STEP_S,
@@ -193,7 +193,7 @@ class _Pours:
         self.poured_g = np.zeros(len(runs))
         self.dropped = np.zeros(len(runs), np.bool_)
         self.time_s, self.drawn = 0.0, 0
-        for _ in range(round(_HANG_S / STEP_S)):
+        for _ in range(round(HANG_S / STEP_S)):
             self.advance(hanging=True)
         self.path[:] = 0.0
         self.origin = self.place.copy()

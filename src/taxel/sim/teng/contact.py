@@ -183,6 +183,6 @@ def contact_over_time(grasp: Grasp, time_s: NDArray[np.float64]) -> NDArray[np.f
 
 
 def smooth_step(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return 0 below 0, 1 above 1, and between them a rise without a corner."""
+    """Return 0 below 0, 1 above 1, and between them a rise without a corner; of any shape."""
     clipped = np.clip(x, 0.0, 1.0)
     return np.asarray(clipped * clipped * (3.0 - 2.0 * clipped))

@@ -34,8 +34,10 @@ _MOST_OFF = 0.05
 learning. Our choice: ten times a resonator's error."""
 _MOST_MISSING_S = 60.0
 """Rows without any scan that one call gives at most, seconds of them: bounds its memory."""
-_SLOPE_POINTS = 20
 _SLOPE_STEP_S = 0.5
+"""Time between two points of a board's clock by which its rate is followed, seconds."""
+_SLOPE_POINTS = 20
+"""Of those points that are kept: the last ten seconds. Our choice."""
 
 
 @dataclass(slots=True)

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -263,7 +263,7 @@ def parse_choice(options: dict[str, str]) -> PourChoice:
         "camera_hz": (1, 60), "duration_s": (1, 600), "most_lost": (0, 10**6),
         "gel": (1, 2),
     }  # fmt: skip
-    chosen: dict[str, object] = {}
+    chosen: dict[str, Any] = {}
     for key, text in options.items():
         if key in kinds:
             value: object = kinds[key].get(text)
@@ -288,7 +288,7 @@ def parse_choice(options: dict[str, str]) -> PourChoice:
                 f"options of sim://cup-pour among {known}", repr(key), "mend the address"
             )
         chosen[key] = value
-    choice = PourChoice(**chosen)  # type: ignore[arg-type]  # each was checked above
+    choice = PourChoice(**chosen)
     if choice.approach and choice.gel == 2:
         raise _bad("gel", "1 with an approach", "2")
     return choice

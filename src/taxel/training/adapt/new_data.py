@@ -51,7 +51,7 @@ class Grasps:
         return len(self.windows)
 
     def only(self, part: NDArray[np.intp]) -> Grasps:
-        """Return the windows at these indices."""
+        """Return the windows at these indices, shape (m,)."""
         return Grasps(
             windows=self.windows[part],
             label=tuple(self.label[i] for i in part),

@@ -44,6 +44,7 @@ _COMPARED, _COMPARED_SHARE = 256, 0.1
 """Images by which a start is judged, and their share of all at most; the fit does not see them.
 Source: our choice."""
 _EVALUATION_BATCH = 64
+"""Images looked at together where nothing is learned, at the least."""
 
 
 class Learnable(Protocol):
@@ -276,7 +277,7 @@ def fit_top(
         network: Its top is changed in place.
         examples: Images with the teacher's answers.
         config: How many at a time.
-        rows: Those to use; all unless given.
+        rows: Indices of those to use, shape (m,); all unless given.
         on_fit: Called with how many of them were seen, and how many there are.
     """
     top = network.get_submodule("predictions")

@@ -23,7 +23,7 @@ from torch.nn import functional
 
 from taxel.errors import MissingExtra
 from taxel.models.backbones.catalogue import find_backbone
-from taxel.models.frame_features import FrameFeatures
+from taxel.models.frame_network import FrameNetwork
 from taxel.models.torch_engine import enough_memory
 from taxel.training.backbones.lanes import LANES, Lanes, lane_count, prepared, varied
 from taxel.training.backbones.pace import check_gradient, pace
@@ -33,7 +33,7 @@ from taxel.windows.camera_recordings import CameraRecording
 
 if TYPE_CHECKING:
     from taxel.training.frames.extractors import BackboneExtractor
-    from taxel.training.frames.features import FrameFeatures as KeptFeatures
+    from taxel.training.frames.features import FrameFeatures
 
 
 HEAD_RECORDINGS, HEAD_EPOCHS = 48, 4
@@ -129,7 +129,7 @@ class EndToEnd(nn.Module):
         side_px: int | None = None,
     ) -> None:
         super().__init__()
-        self.features = FrameFeatures(backbone, name, side_px)
+        self.features = FrameNetwork(backbone, name, side_px)
         self.heads = nn.ModuleList([head.module for head in heads])
         first = heads[0]
         self.tare, self.frames = first.config.tare, first.config.frames
@@ -175,7 +175,7 @@ class EndToEnd(nn.Module):
 
 def begin_end_to_end(
     extractor: BackboneExtractor,
-    features: Sequence[KeptFeatures],
+    features: Sequence[FrameFeatures],
     labels: Sequence[NDArray[np.int8]],
     configs: Sequence[HeadConfig],
     excess: Sequence[NDArray[np.float32]] | None = None,
@@ -321,7 +321,7 @@ def _launched(config: FineTuneConfig) -> Any:
         raise MissingExtra("lightning-fabric", "fine-tune", "training end to end") from error
     logging.getLogger("lightning_fabric").setLevel(logging.WARNING)  # its advice is of no use here
     # Fabric sees torchrun's processes, but takes one of them where the device is a processor.
-    local, world = (int(os.environ.get(name, 0)) for name in ("LOCAL_WORLD_SIZE", "WORLD_SIZE"))
+    local, world = (int(os.environ.get(name, "0")) for name in ("LOCAL_WORLD_SIZE", "WORLD_SIZE"))
     fabric = Fabric(
         accelerator=config.accelerator,
         precision=config.precision,

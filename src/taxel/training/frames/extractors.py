@@ -108,7 +108,7 @@ def open_backbone(
     """
     from taxel.models.backbones.catalogue import find_backbone
     from taxel.models.export_onnx import export_backbone
-    from taxel.models.frame_features import FrameFeatures
+    from taxel.models.frame_network import FrameNetwork
     from taxel.models.weights import find_weights
     from taxel.training.frames.quantising import quantise
 
@@ -126,7 +126,7 @@ def open_backbone(
     key += f"-places-{SETTLE.start}-{SETTLE.stop}" if places else ""
     write = partial(export_backbone, module, backbone, *size_px, side_px=stored.side_px)
     if engine == "torch":
-        ready = _in_torch(FrameFeatures(deepcopy(module), backbone, stored.side_px), precision)
+        ready = _in_torch(FrameNetwork(deepcopy(module), backbone, stored.side_px), precision)
         run_by: tuple[BackboneEngine, Precision, int] = (engine, precision, threads)
         key += f"-{ready.device.type}"
         return BackboneExtractor(

@@ -214,7 +214,10 @@ def _batches(images: Iterable[Item], at_once: int) -> Iterator[list[Item]]:
 
 
 def load_kept(path: Path, features: int) -> NDArray[np.float32] | None:
-    """Return what the cache holds; None where it holds nothing, or something damaged."""
+    """Return what the cache holds, shape (rows, features).
+
+    None where it holds nothing, or something damaged or of another width.
+    """
     try:
         values = array_of(read_bytes(path, LARGEST_ARRAYS)).copy()
     except (OSError, BadFile):
@@ -238,6 +241,10 @@ class _Stream:
 
 def save_kept(path: Path, values: NDArray[np.float32]) -> None:
     """Write a file of the cache, whole or not at all.
+
+    Args:
+        path: The file.
+        values: Shape (rows, features).
 
     Raises:
         RecordingFailed: The disk refused.

@@ -37,7 +37,7 @@ class PourLabels:
     """By rule."""
 
     def labels(self, rule: str) -> NDArray[np.int8] | None:
-        """Return the labels that hold: a person's before the rule's; None where there is none."""
+        """Return the labels that hold, shape (n,), or None: a person's before the rule's."""
         own = self.by_rule.get(rule)
         correction = self.corrections.get(rule)
         if correction is None:

@@ -25,10 +25,11 @@ from taxel.recordings.whole import write_whole
 from taxel.sim.gelsight.mini import CameraTimes, camera_times
 from taxel.sim.pour.cup_pour import CupPourConfig, Gel, PourTrack, list_runs
 from taxel.sim.pour.cups import (
+    FORCES_N,
     MOVING_KINDS,
     OTHER_KINDS,
+    POSITIONS,
     Kind,
-    Position,
     PourRun,
     draw_cup,
     draw_run,
@@ -59,8 +60,6 @@ GROSS_UM: Final = 300.0
 """Slip that is warned of, micrometres: the rule "gross-slip", docs/decisions/0013."""
 AFTER_S: Final = 1.0
 """How long after the event images are still followed: a warning after that is none, seconds."""
-_POSITIONS: Final[tuple[Position, ...]] = ("upper", "middle", "lower")
-_FORCES_N: Final = (15.0, 25.0, 40.0, 50.0)
 _SLIP, _DROPPED = TRUTH_CHANNELS.index("slip"), TRUTH_CHANNELS.index("dropped")
 
 
@@ -127,7 +126,7 @@ def other_part(cup: int, part: int) -> list[PourRun]:
     drawn, runs = draw_cup(SEED, cup), []
     for place, kind in enumerate(OTHER_KINDS):
         turn = cup + 7 * part + place
-        position, force_n = _POSITIONS[turn % 3], _FORCES_N[turn // 3 % len(_FORCES_N)]
+        position, force_n = POSITIONS[turn % 3], FORCES_N[turn // 3 % len(FORCES_N)]
         run = draw_run(SEED, drawn, position, force_n, kind, number=1 + part)
         runs.append(pour_less(run))
     return runs
@@ -142,7 +141,7 @@ def moving_part(cup: int) -> list[PourRun]:
     kinds: tuple[Kind, ...] = (*MOVING_KINDS, "pour")
     for place, kind in enumerate(kinds):
         turn = cup + place
-        position, force_n = _POSITIONS[turn % 3], _FORCES_N[turn // 3 % len(_FORCES_N)]
+        position, force_n = POSITIONS[turn % 3], FORCES_N[turn // 3 % len(FORCES_N)]
         runs.append(draw_grasp(SEED, drawn, position, force_n, kind, number=20))
     return runs
 
@@ -160,8 +159,8 @@ def mild_bumps(cup: int, count: int = 3) -> list[PourRun]:
     drawn, found = draw_cup(SEED, cup), []
     weight_n = drawn.mass_kg * GRAVITY_M_S2
     for number in range(10, 18):
-        for position in _POSITIONS:
-            for force_n in _FORCES_N:
+        for position in POSITIONS:
+            for force_n in FORCES_N:
                 run = draw_run(SEED, drawn, position, force_n, "bump", number=number)
                 peak = load_ratio(run, 0.0) * (weight_n + run.bump_n) / weight_n
                 if 0.8 < peak < 1.3:

@@ -30,6 +30,7 @@ _SETTLED_S: Final = 0.4
 _TURNS_RAD: Final = 0.03
 """A gel that turned less shows no gain: it takes the usual one."""
 _MOVES_MM: Final = 0.05
+"""Likewise of one that moved less along an axis."""
 Values = NDArray[np.float64]
 
 

@@ -19,6 +19,7 @@ _RULES = {"change": "#1f4e8c", "micro-slip": "#d08700", "slip": "#d9622b", "gros
           "drop": "#111111"}  # fmt: skip
 _PERSON = "#7b2d8b"
 _LANE = 0.32
+"""Height of a rule's lane, inches."""
 
 
 def label_figure(labels: PourLabels, rule: str) -> bytes:

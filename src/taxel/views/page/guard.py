@@ -19,6 +19,7 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from taxel.errors import BadInput
+from taxel.foreign.addresses import bracketed
 from taxel.plain_text import number_of
 
 LEAST_TOKEN = 16
@@ -101,7 +102,7 @@ class Guard:
     ) -> None:
         self._app = app
         self._entry = entry
-        self._hosts = frozenset(f"{_bracketed(name)}:{port}".lower() for name in names)
+        self._hosts = frozenset(f"{bracketed(name)}:{port}".lower() for name in names)
         self._port = port
         self._any_address = any_address
         self._open_paths = open_paths
@@ -181,7 +182,3 @@ def _is_address(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _bracketed(name: str) -> str:
-    return f"[{name}]" if ":" in name else name

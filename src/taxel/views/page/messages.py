@@ -7,7 +7,6 @@ that records a plan with a gripper closes it when a person is ready. Knows nothi
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -174,10 +173,9 @@ def _play(given: dict[str, Any]) -> Command:
 
 
 def _number(value: object, name: str, least: float, most: float) -> float:
-    if type(value) not in (int, float) or not least <= value <= most:  # type: ignore[operator]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
         raise RefusedMessage(f"needed {name} as a number within {least:g} and {most:g}")
-    number = float(value)  # type: ignore[arg-type]
-    return number if math.isfinite(number) else _no_constant("")
+    return float(value)
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from taxel.live.station.worker import Place, at_work
 from taxel.views.page.server import PageServer
 
 _BEAT_S = 0.1
+"""Time between two signs of life of the page's process, seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

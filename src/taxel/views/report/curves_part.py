@@ -16,6 +16,7 @@ from taxel.views.report.page import Html, figure, join, key, number, percent, ta
 
 _HELD = "var(--c1)"
 _SIDE = (360, 260)
+"""Width and height of a chart, pixels."""
 _Value = Callable[[Epoch], float | None]
 
 

@@ -224,9 +224,11 @@ def check_page(path: Path) -> bool:
     """Return whether an older page stands at a place for a page, and will be replaced.
 
     Raises:
-        BadInput: A folder or something else stands there: a page is made again, that is not.
+        BadInput: A folder or something else stands there: a page is made again, that is not. Or its
+            name is not that of a page.
     """
     if not os.path.lexists(path):
+        _check_name(path)
         return False
     try:
         with open_file(path) as file:
@@ -239,7 +241,14 @@ def check_page(path: Path) -> bool:
             f"the folder {path}" if path.is_dir() else f"{path}, which holds something else",
             "name another, such as report.html",
         )
+    _check_name(path)
     return True
+
+
+def _check_name(path: Path) -> None:
+    """Refuse a page that no program would open as one, such as report.pdf."""
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise BadInput("a page that ends in .html", str(path), "rename it; a browser can print it")
 
 
 def write_page(path: Path, title: str, parts: Sequence[object]) -> None:

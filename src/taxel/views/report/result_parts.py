@@ -30,6 +30,9 @@ from taxel.views.tables.compare import interval_text
 from taxel.views.tables.results import HEADINGS
 from taxel.windows.config import TENG_WINDOW
 
+_MOST_GROUPS = 40
+"""Groups whose accuracy is drawn, each on a line: about a page."""
+
 
 def accuracies(
     runs: Mapping[str, Run], judged: Mapping[str, RunScores], inks: Mapping[str, str]
@@ -186,7 +189,10 @@ def each_run(name: str, run: Run, scores: RunScores, ink: str) -> Html:
         ),
         figure(_reliability(scores, ink), _trust(scores)),
     ]
-    few = [Dot(f"{g.name} · {g.windows}", g.accuracy, colour=ink) for g in scores.by_group[:40]]
+    few = [
+        Dot(f"{g.name} · {g.windows}", g.accuracy, colour=ink)
+        for g in scores.by_group[:_MOST_GROUPS]
+    ]
     return join(
         [
             tag("h3", name),
@@ -198,8 +204,8 @@ def each_run(name: str, run: Run, scores: RunScores, ink: str) -> Html:
                 + ", ".join(percent(value) for value in scores.fold_accuracies)
                 + "."
                 + (
-                    f" {len(scores.by_group) - 40} more not shown."
-                    if len(scores.by_group) > 40
+                    f" {len(scores.by_group) - _MOST_GROUPS} more not shown."
+                    if len(scores.by_group) > _MOST_GROUPS
                     else ""
                 ),
             ),

@@ -17,7 +17,7 @@ from taxel.evaluation.bundle_scores import BundleScores
 from taxel.evaluation.part_scores import Parts, PartScore
 from taxel.evaluation.run_scores import few_groups, only_one
 from taxel.labels.trials import USUAL_GROUPS
-from taxel.plain_text import noun_of, visible, visible_line
+from taxel.plain_text import noun_of, number_of, visible, visible_line, visible_names
 from taxel.views.tables.results import alike_note, bracketed, result_table
 
 MOST_ROWS = 24
@@ -80,7 +80,17 @@ def bundle_score_table(found: BundleScores, bundle: str, data: str) -> Renderabl
 
 
 def _lines(found: BundleScores) -> list[str]:
-    lines = ["accuracy: UNKNOWN counts as wrong; majority: always naming the commonest class"]
+    odd = {name: sum(row.values()) for name, row in found.confusion.items()
+           if name not in found.classes}  # fmt: skip
+    but = " but for classes that the bundle does not know" if odd else ""
+    lines = [f"accuracy: UNKNOWN counts as wrong{but}; majority: always naming the commonest class"]
+    if odd:
+        shown = ", ".join(f"{visible(name)} ({number_of(count, 'window')})"
+                          for name, count in odd.items())  # fmt: skip
+        lines.append(
+            f"not known to the bundle, which knows {visible_names(found.classes)}: {shown}; there "
+            "only UNKNOWN counts as correct; mend the label if it is misspelt"
+        )
     if found.unknown:
         why = ", ".join(f"{name} {count}" for name, count in found.unknown_because.items())
         answered = "no window was answered"
@@ -92,8 +102,9 @@ def _lines(found: BundleScores) -> list[str]:
     if found.filled:
         lines.append(f"{100 * found.filled:.1f} % of the windows had short gaps filled in")
     if not math.isnan(found.loss):
+        of = ", of the windows of known classes" if odd else ""
         lines.append(f"loss {found.loss:.4f} nats, expected calibration error "
-                     f"{found.calibration_error:.4f}")  # fmt: skip
+                     f"{found.calibration_error:.4f}{of}")  # fmt: skip
     lines.append(f"interval: 95 %, whole groups resampled by {noun_of(found.interval_group)}")
     few = few_groups(found.interval_group, found.interval_groups)
     lone = only_one(found.lone, found.interval_group)

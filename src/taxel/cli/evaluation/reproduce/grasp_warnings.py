@@ -31,6 +31,8 @@ from taxel.errors import BadDataset, BadInput
 from taxel.sim.pour.state import has_truth
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
     from rich.progress import Progress as Bar
 
     from taxel.evaluation.transitions.data import CameraSet
@@ -118,12 +120,11 @@ class GraspWarnings:
             results.append(found)
         columns = [trivial_features(pours, index) for index in range(len(pours.pours))]
         for name in columns[0]:
-            results.append(
-                warn_trivially(
-                    pours, lambda i, name=name: columns[i][name], folds, name=name,  # type: ignore[misc]
-                    frames=self.head.frames,
-                )
-            )  # fmt: skip
+
+            def column(index: int, name: str = name) -> NDArray[np.float64]:
+                return columns[index][name]
+
+            results.append(warn_trivially(pours, column, folds, name=name, frames=self.head.frames))
         return pours, results
 
 

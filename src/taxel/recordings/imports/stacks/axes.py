@@ -71,7 +71,11 @@ class Axes:
         )  # fmt: skip
 
     def table(self, trial: NDArray[np.generic]) -> NDArray[np.generic]:
-        """Return one trial's array, its axis of trials cut to length 1, as (rows, channels)."""
+        """Return one trial's array in the shape (rows, channels).
+
+        Args:
+            trial: Its axis of trials cut to length 1.
+        """
         order = [self.words.index(word) for word in (ROWS, *_TAXELS) if word in self.words]
         others = [axis for axis in range(len(self.words)) if axis not in order]
         rows = self.size(trial.shape, ROWS)  # 1 where each trial is a single scan

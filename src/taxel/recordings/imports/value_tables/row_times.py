@@ -92,9 +92,14 @@ class _Times:
     def step_to(self, row: int) -> str:
         """Return the time of a row beside that of the row above, and where it stands."""
         return (
-            f"{self.time_s[row]:.6g} s after {self.time_s[row - 1]:.6g} s in {self.path}, "
+            f"{_shown(self.time_s[row])} s after {_shown(self.time_s[row - 1])} s in {self.path}, "
             f"{self.line} {self.lines[row]}"
         )
+
+
+def _shown(seconds: float) -> str:
+    """Return seconds for a reader; since 1970 with their fraction, which six digits would lose."""
+    return f"{seconds:.6g}" if abs(seconds) < 1e5 else f"{seconds:.6f}".rstrip("0").rstrip(".")
 
 
 def check_time(

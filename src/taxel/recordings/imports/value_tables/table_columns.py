@@ -26,6 +26,7 @@ from taxel.foreign.sheets import is_sheet
 from taxel.foreign.text_lines import lines_of
 from taxel.plain_text import number_of
 from taxel.recordings.imports.value_tables.places import place_by_number, places_of, some_names
+from taxel.recordings.imports.value_tables.stated_units import stated_in
 from taxel.recordings.imports.value_tables.table_form import (
     DecimalSign,
     TableForm,
@@ -48,7 +49,9 @@ _MOST_CELLS = 1_000_000
 _NO_TIME = "00:00"
 """A time stamp in the place of none."""
 _BLOCK_CELLS = 65_536
+"""Cells of a text that become numbers at a time."""
 _BLOCK_BYTES = 8 * MIB
+"""Bytes of a .npy file that are read at a time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +70,8 @@ class TextColumns:
     """Whether each row ends in a separator, with an empty cell behind it that was left out."""
     passed_over: str = ""
     """Which lines around the names are no rows, and why, for a note; or empty."""
+    stated: tuple[tuple[str, str], ...] = ()
+    """Name and unit of each wanted column as the text states them; nothing for a .npy file."""
     dtype: np.dtype[Any] = field(default_factory=lambda: np.dtype(np.float64))
     """Of the numbers in the file; of a text those that its cells became."""
 
@@ -101,8 +106,14 @@ def text_columns(
     return TextColumns(
         values=values, first_line=form.first_line, decimal_comma=sign.comma,
         number_header=some_names(form.names) if form.counting else "", one_more=form.one_more,
-        passed_over=form.passed_over,
+        passed_over=form.passed_over, stated=tuple(_stated(form, place) for place in where),
     )  # fmt: skip
+
+
+def _stated(form: TableForm, place: int) -> tuple[str, str]:
+    """Return the name of the column at a place, and the unit that the text states for it."""
+    name, below = form.names[place], form.units[place : place + 1]
+    return name, stated_in(name, "".join(below)) if form.named else ""
 
 
 def text_names(

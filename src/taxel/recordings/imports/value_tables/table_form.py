@@ -53,6 +53,8 @@ class TableForm:
     """Whether each row ends in a separator that the line of names does not end in."""
     passed_over: str = ""
     """Which lines around the names are no rows, and why, for a note; or empty."""
+    units: tuple[str, ...] = ()
+    """What stands below the names where that line holds units; or nothing."""
     parted: bool = False
     """Whether empty rows, and blank lines, part trials, so that they may stand anywhere."""
 
@@ -104,7 +106,8 @@ def find_form(
         form = TableForm(separator=separator, names=tuple(top[:count]), named=True,
                          counting=counting, first_line=number + 1 + bool(units), spare=spare,
                          one_more=len(cells) == len(top) + 1 and spare > 0,
-                         passed_over=_passed_over(above_names, number + 1, units))  # fmt: skip
+                         passed_over=_passed_over(above_names, number + 1, units),
+                         units=tuple(units))  # fmt: skip
         return form, below
     names = above or [str(number) for number in range(1, len(top) + 1)]
     form = TableForm(separator=separator, names=tuple(names), named=bool(above), counting=False,

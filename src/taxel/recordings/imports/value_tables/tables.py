@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadTable
-from taxel.grid_names import grid_place
+from taxel.grid_names import by_rows
 from taxel.recordings.imports.value_tables.places import some_names
 from taxel.recordings.imports.value_tables.row_times import (
     LARGEST_RATE_HZ,
@@ -29,6 +29,7 @@ from taxel.recordings.imports.value_tables.row_times import (
     DroppedRows,
     check_time,
 )
+from taxel.recordings.imports.value_tables.stated_units import other_units
 from taxel.recordings.imports.value_tables.table_columns import (
     npy_columns,
     npy_shape,
@@ -46,6 +47,7 @@ LARGEST_VALUE = float(np.finfo(np.float32).max)
 """Recordings hold values in 32 bits."""
 MOST_CHANNELS = 16_384
 """Of a table; the largest skins have some 5,000. Source: our choice."""
+BY_NUMBER = "for a column whose own name holds brackets write its number from 1, as in 2[N]"
 ALL = "*"
 """In the place of a channel's name: all columns but that of time."""
 _GRID = re.compile(r"(.{1,40}):([0-9]{1,4})x([0-9]{1,4})")
@@ -99,6 +101,8 @@ class Table:
     """Whether each row ends in a separator, with an empty cell behind it that was left out."""
     passed_over: str = ""
     """Which lines around the names are no rows, and why, for a note; or empty."""
+    other_units: str = ""
+    """Which columns have another unit in the file than asked for, for a note; or empty."""
     remarks: tuple[str, ...] = ()
     """How the file was read, for notes."""
     doubts: tuple[str, ...] = ()
@@ -166,8 +170,9 @@ def grid_names(prefix: str, rows: int, columns: int) -> list[str]:
 
 def _no_unit(word: str, where: str) -> BadTable:
     return BadTable(
-        f"channels as NAME[UNIT] NAME[UNIT] … in {where}", repr(word[:80]), "name each unit"
-    )
+        f"channels as NAME[UNIT] NAME[UNIT] … in {where}", repr(word[:80]),
+        BY_NUMBER if word.startswith("[") or word.count("[") > 1 else "name each unit",
+    )  # fmt: skip
 
 
 def parse_time(text: str, where: str) -> TimeColumn:
@@ -189,7 +194,7 @@ def parse_time(text: str, where: str) -> TimeColumn:
         raise BadTable(
             f"time as NAME[s], NAME[ms], NAME[us], NAME[ns], NAME[iso] or rate:100Hz in {where}",
             repr(text[:80]),
-            "correct it",
+            BY_NUMBER if text.count("[") > 1 else "correct it",
         )
     return TimeColumn(column=Column(name=match[1].strip(), unit=match[2].strip()))
 
@@ -238,10 +243,10 @@ def read_table(
     Raises:
         BadTable: Anything in the file is not as it should be; says where.
     """
-    called = columns
-    columns = _all_columns(path, columns, time, but)
+    called, columns = columns, _all_columns(path, columns, time, but)
     called = called if _is_grid(called) else columns
-    wanted = names_of(columns, time)
+    asked = [*columns, *([] if time.column is None else [time.column])]
+    wanted = [column.name for column in asked]
     stamps = time.column.name if time.column and time.column.unit == STAMPS else ""
     ending = path.name.lower()
     if ending.endswith(".npy"):
@@ -273,6 +278,7 @@ def read_table(
         decimal_comma=text.decimal_comma,
         one_more=text.one_more,
         passed_over=text.passed_over,
+        other_units=other_units(text.stated, [column.unit for column in asked][: len(text.stated)]),
         dtype=text.dtype,
     )
     if trials != "one" or time.column is None:
@@ -378,7 +384,7 @@ def _all_columns(
             "correct its rows and columns, or remove columns that are no taxels from the file"
             + (_IN_LINES if is_text(path.name) else ""),
         )  # fmt: skip
-    if known or not _by_rows(channels):
+    if known or not by_rows(channels):
         raise BadTable(
             f"columns in {path} row by row",
             ", ".join([*channels[:3], "…"]),
@@ -389,11 +395,3 @@ def _all_columns(
 
 def _is_grid(columns: Sequence[Column]) -> bool:
     return all(column.grid for column in columns)
-
-
-def _by_rows(names: Sequence[str]) -> bool:
-    """Return whether names that say rows and columns do so row by row, grid by grid."""
-    found = [place for name in names if (place := grid_place(name, in_words=True))]
-    grids = list(dict.fromkeys(place.grid for place in found))
-    order = [(grids.index(place.grid), place.row, place.column) for place in found]
-    return order == sorted(order)

@@ -30,7 +30,7 @@ def is_stamp(cell: str) -> bool:
 
 
 def seconds_of(path: Path, cells: Sequence[str], name: str, first_line: int) -> NDArray[np.float64]:
-    """Return a column of time stamps as seconds since 1970 in UTC, or since midnight.
+    """Return a column of time stamps as seconds, shape (rows,): since 1970 in UTC, or midnight.
 
     Stamps without an offset count as UTC: only differences matter. Digits beyond microseconds are
     left out.

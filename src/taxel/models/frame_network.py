@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from taxel.models.backbones.catalogue import find_backbone
 
 
-class FrameFeatures(nn.Module):
+class FrameNetwork(nn.Module):
     """Frames (n, h, w, 3) as a camera gives them → features (n, features).
 
     The resize is bilinear without smoothing, pixel centres at halves, as OpenCV's
