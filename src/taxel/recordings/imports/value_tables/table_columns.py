@@ -26,7 +26,6 @@ from taxel.foreign.sheets import is_sheet
 from taxel.foreign.text_lines import lines_of
 from taxel.plain_text import number_of
 from taxel.recordings.imports.value_tables.places import place_by_number, places_of, some_names
-from taxel.recordings.imports.value_tables.stated_units import stated_in
 from taxel.recordings.imports.value_tables.table_form import (
     DecimalSign,
     TableForm,
@@ -106,14 +105,8 @@ def text_columns(
     return TextColumns(
         values=values, first_line=form.first_line, decimal_comma=sign.comma,
         number_header=some_names(form.names) if form.counting else "", one_more=form.one_more,
-        passed_over=form.passed_over, stated=tuple(_stated(form, place) for place in where),
+        passed_over=form.passed_over, stated=tuple(map(form.stated, where)),
     )  # fmt: skip
-
-
-def _stated(form: TableForm, place: int) -> tuple[str, str]:
-    """Return the name of the column at a place, and the unit that the text states for it."""
-    name, below = form.names[place], form.units[place : place + 1]
-    return name, stated_in(name, "".join(below)) if form.named else ""
 
 
 def text_names(

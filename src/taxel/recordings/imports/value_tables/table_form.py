@@ -21,6 +21,7 @@ from taxel.errors import BadTable
 from taxel.foreign.sheets import ENDING as SHEETS_ENDING
 from taxel.foreign.sheets import is_sheet, without_sheet
 from taxel.plain_text import visible
+from taxel.recordings.imports.value_tables.stated_units import stated_in
 from taxel.recordings.imports.value_tables.table_head import NO_VALUE, below_head, holds_units
 from taxel.recordings.imports.value_tables.time_stamps import is_stamp
 
@@ -57,6 +58,11 @@ class TableForm:
     """What stands below the names where that line holds units; or nothing."""
     parted: bool = False
     """Whether empty rows, and blank lines, part trials, so that they may stand anywhere."""
+
+    def stated(self, place: int) -> tuple[str, str]:
+        """Return the name of the column at a place, and the unit that the text states for it."""
+        name, below = self.names[place], "".join(self.units[place : place + 1])
+        return name, stated_in(name, below) if self.named else ""
 
 
 def find_form(
