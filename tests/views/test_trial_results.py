@@ -31,6 +31,7 @@ from taxel.training.camera_trials.image_network import find_image_network
 from taxel.views.tables.trial_notes import (
     bar_warnings,
     control_warnings,
+    crop_notes,
     frames_note,
     one_class_note,
     trial_notes,
@@ -111,7 +112,7 @@ def test_a_control_as_good_in_accuracy_or_in_loss_is_said(
         (0.7, 0.5, "do not claim the recogniser's accuracy"),
         (0.8, 0.5, "always naming the commonest class, with a balanced accuracy of 50.0 % (chance "
          "50.0 %): nothing was learned that holds on the tested trials"),
-        (0.85, 0.7, "; it is not better than always naming the commonest class, with a balanced "
+        (0.85, 0.7, "; the recogniser is not better than always naming the commonest class, with a balanced "
          "accuracy of 70.0 % (chance 50.0 %)"),
     ],
 )  # fmt: skip
@@ -258,6 +259,50 @@ def test_without_an_interval_of_the_auc_several_groups_are_not_called_one() -> N
         shown.append(console.export_text())
     assert "0.500 [no interval]" in shown[0]
     assert "0.500 [one group]" in shown[1]
+
+
+@pytest.mark.parametrize(
+    ("middle", "loss", "noted"), [(0.9, 0.3, True), (0.64, 0.3, False), (0.9, 0.6, False)]
+)
+def test_a_crop_alone_that_is_better_than_all_is_noted(
+    middle: float, loss: float, noted: bool
+) -> None:
+    """By more than five points and in log-loss: elsewhere in the trials little may happen."""
+    whole = scored("taxel", 0.6, 0.5, "")
+    places = tuple(
+        scored("taxel", accuracy, own, "").whole
+        for accuracy, own in ((0.5, 0.9), (middle, loss), (0.4, 0.8))
+    )
+    found = crop_notes(replace(whole, places=places))
+    assert len(found) == noted
+    assert all(line.startswith("the middle crop alone is more accurate (90.0 %)") for line in found)
+    assert crop_notes(whole) == []
+
+
+def test_a_group_whose_name_is_a_number_is_no_count() -> None:
+    trials = some_trials()
+    trials = replace(trials, groups=tuple({"billet": str(at // 8 + 1)} for at in range(24)))
+    split = split_trials(trials.groups, trials.y, "group:billet", 3, 0)
+    right = np.eye(2)[trials.y]
+    right[[8, 9]] = 1 - right[[8, 9]]
+    console = Console(width=300, record=True, file=io.StringIO())
+    whole = replace(scored("taxel", 0.9, 0.1, ""), probabilities=right)
+    console.print(trial_tables(trials, split, [whole], []))
+    assert "2 of 3 billets have all trials correct; lowest: 2 (6 of 8)." in console.export_text()
+
+
+def test_with_a_single_group_there_is_no_interval_that_could_be_too_narrow() -> None:
+    trials = some_trials()
+    groups = tuple({"day": "two" if at < 8 else "one",
+                    "split": "test" if at < 8 else "train"} for at in range(24))  # fmt: skip
+    trials = replace(trials, groups=groups)
+    split = split_trials(trials.groups, trials.y, None, 3, 0)
+    console = Console(width=300, record=True, file=io.StringIO())
+    whole = replace(scored("taxel", 0.9, 0.1, ""), probabilities=np.full((24, 2), 0.5))
+    console.print(trial_tables(trials, split, [whole], []))
+    text = console.export_text()
+    assert "with 1 day no difference can be claimed (smallest possible p 1)" in text
+    assert "too narrow" not in text
 
 
 def test_trials_that_stand_alone_are_named_where_they_are_wrong() -> None:

@@ -181,7 +181,7 @@ def load_trial_set(
     if len(sizes) > 1:
         raise BadDataset("images of one size in all trials",
                          " and ".join(f"{w}×{h}" for w, h in sorted(sizes)[:3]),
-                         "make a table of each size")  # fmt: skip
+                         "bring them to one size, or make a table of each")  # fmt: skip
     ((width, height),) = sizes
     if max(width, height) > LARGEST_RATIO * min(width, height):
         raise BadDataset(f"images whose sides differ by a factor of at most {LARGEST_RATIO}",

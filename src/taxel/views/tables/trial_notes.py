@@ -13,12 +13,15 @@ from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.evaluation.run_scores import learned_note
 from taxel.labels.trials import SESSIONS
 from taxel.plain_text import noun_of, number_of, several
-from taxel.windows.trial_crops import LEAST_CROP
+from taxel.windows.trial_crops import LEAST_CROP, PLACES
 from taxel.windows.trial_picture import brightest
 
 _BLACK = 4095 / 257
 """Grey levels, 0…255, that an image never exceeds whose file of 16 bits holds values of 12. Source:
 12 bits are at most 4095, and decoders divide 16 bits by 257."""
+
+CROP_AHEAD = 0.05
+"""By so much accuracy, 0…1, must a crop alone be ahead of all for a note. Source: our choice."""
 
 
 def frames_note(lengths: Sequence[int], crop: int) -> str | None:
@@ -93,6 +96,25 @@ def trial_notes(trials: TrialSet) -> list[str]:
     return [note for note in found if note is not None]
 
 
+def crop_notes(ours: TrialResult) -> list[str]:
+    """Return a note where a crop alone is surely better than all crops of a trial together.
+
+    Args:
+        ours: The recogniser's result.
+    """
+    if not ours.places:
+        return []
+    best = min(range(len(ours.places)), key=lambda place: ours.places[place].loss)
+    alone, whole = ours.places[best], ours.whole
+    if alone.loss >= whole.loss or alone.accuracy < whole.accuracy + CROP_AHEAD:
+        return []
+    return [
+        f"the {PLACES[best]} crop alone is more accurate ({100 * alone.accuracy:.1f} %) than all "
+        f"of a trial's crops together ({100 * whole.accuracy:.1f} %): if little happens in the "
+        "others, cut the trials to the touch"
+    ]
+
+
 def control_warnings(results: Sequence[TrialResult]) -> list[str]:
     """Return a warning where a control is as good as the recogniser, or better; empty otherwise.
 
@@ -111,7 +133,7 @@ def control_warnings(results: Sequence[TrialResult]) -> list[str]:
         found.append(
             f"{best.name} {compared} ({100 * best.whole.accuracy:.1f} %, taxel "
             f"{100 * ours.accuracy:.1f} %): do not claim the recogniser's accuracy"
-            + ("; it is not better than always naming the commonest class"
+            + ("; the recogniser is not better than always naming the commonest class"
                f"{learned_note(ours.balanced, classes, 'trial')}"
                if constant and constant[0].whole.accuracy >= ours.accuracy else "")
         )  # fmt: skip

@@ -29,7 +29,12 @@ from taxel.evaluation.paired import LEVEL, smallest_p
 from taxel.plain_text import number_of, several, visible, visible_line, visible_names
 from taxel.recordings.imports.spelling import by_numbers
 from taxel.views.tables.results import alike_note, bracketed
-from taxel.views.tables.trial_notes import bar_warnings, control_warnings, trial_notes
+from taxel.views.tables.trial_notes import (
+    bar_warnings,
+    control_warnings,
+    crop_notes,
+    trial_notes,
+)
 from taxel.windows.trial_crops import PLACES
 
 _UNSURE = re.compile(r"^confidence [\d.]+(?= is below)")
@@ -67,6 +72,7 @@ def trial_tables(
             for place, scores in zip(PLACES, result.places, strict=True)
         ]
         parts.append(_table("by one crop alone", rows))
+        parts += [Text(f"note: {note}") for note in crop_notes(ours)]
     parts += [Text(_difference_line(difference)) for difference in differences]
     parts += [Text(f"{result.name}: {result.leaks}.") for result in results if result.leaks]
     parts.append(Text(_weakest(trials, split, ours)))
@@ -89,11 +95,11 @@ def _too_few(split: TrialSplit, trials: TrialSet) -> str:
     least = smallest_p(len(groups))
     if least < LEVEL:
         return ""
-    return (
+    found = (
         f"with {number_of(len(groups), visible(split.group))} no difference can be claimed "
-        f"(smallest "
-        f"possible p {least:.2g}), and intervals in [] are too narrow"
+        f"(smallest possible p {least:.2g})"
     )
+    return f"{found}, and intervals in [] are too narrow" if len(groups) > 1 else found
 
 
 def not_scored_line(target: str, truth: Sequence[str], classes: Sequence[str]) -> str:
@@ -234,7 +240,7 @@ def _weakest(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
     if not missed:
         whole = "all " * (len(groups) > 1)
         return f"all trials of {whole}{number_of(len(groups), visible(split.group))} are correct."
-    shown = ", ".join(f"{visible(name)} {right}/{of}" for name, right, of in missed[:_WEAKEST])
+    shown = ", ".join(f"{visible(name)} ({right} of {of})" for name, right, of in missed[:_WEAKEST])
     perfect = len(groups) - len(missed)
     return (
         f"{perfect} of {number_of(len(groups), visible(split.group))} "
