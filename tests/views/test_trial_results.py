@@ -112,8 +112,8 @@ def test_a_control_as_good_in_accuracy_or_in_loss_is_said(
         (0.7, 0.5, "do not claim the recogniser's accuracy"),
         (0.8, 0.5, "always naming the commonest class, with a balanced accuracy of 50.0 % (chance "
          "50.0 %): nothing was learned that holds on the tested trials"),
-        (0.85, 0.7, "; the recogniser is not better than always naming the commonest class, with a balanced "
-         "accuracy of 70.0 % (chance 50.0 %)"),
+        (0.85, 0.7, "; the recogniser is not better than always naming the commonest class, with a "
+         "balanced accuracy of 70.0 % (chance 50.0 %)"),
     ],
 )  # fmt: skip
 def test_below_the_commonest_class_nothing_was_learned_only_near_chance(
