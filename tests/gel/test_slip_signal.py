@@ -13,6 +13,7 @@ from taxel.gel.slip_signal import (
     GelSlip,
     PairSlip,
     Slip,
+    mm_per_row_px,
     pair_features,
 )
 
@@ -149,3 +150,9 @@ def test_slip_travels_as_json():
     endless = Slip(0.1, 0.2, 0.3, np.inf, np.inf, np.inf, True)
     assert endless.as_dict()["slip_sd_mm"] is None
     assert Slip.from_dict(endless.as_dict()).distance_sd_mm == np.inf
+
+
+def test_a_pixel_is_scaled_for_a_row_of_320_and_is_a_gelsight_minis_where_nothing_is_stated():
+    assert mm_per_row_px(640, 0.05) == pytest.approx(0.1)
+    assert mm_per_row_px(320, 0.06) == pytest.approx(0.06)
+    assert mm_per_row_px(640, None) == 0.065

@@ -17,7 +17,7 @@ from taxel.evaluation.early_warning.learn_slip_warning import (
 from taxel.gel.rim_slip import WITH_RIM, RimSlip
 from taxel.gel.slip_signal import PAIR_FEATURES, GelSlip, PairSlip
 from taxel.live.grasp_monitor import GraspMonitor
-from taxel.live.slip_watch import SlipWatch, mm_per_px_of, taken_of
+from taxel.live.slip_watch import SlipWatch, taken_of
 from taxel.sources.simulated.stepped_pour import SteppedPour
 from taxel.training.slip.cups import paper_runs, seen_pour, true_pours
 from taxel.training.slip.onnx_graph import linear_model
@@ -172,10 +172,3 @@ def test_slip_lies_within_its_own_spread_of_the_true_poses(pour):
 
     assert len(sizes) > 60
     assert 0.2 < np.sqrt(np.mean(np.square(sizes))) < 2.5
-
-
-def test_a_camera_that_does_not_say_is_taken_for_a_gelsight_mini(pour):
-    cameras, _, _ = pour
-    assert mm_per_px_of(cameras[0]) == pytest.approx(cameras[0].mm_per_px)
-    assert mm_per_px_of(replace(cameras[0], mm_per_px=None)) == 0.065
-    assert mm_per_px_of(replace(cameras[0], width=640, mm_per_px=0.03)) == pytest.approx(0.06)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadInput
-from taxel.gel.slip_signal import USUAL_MM_PER_PX
 from taxel.windows import trial_crops
 from taxel.windows.trial_crops import (
     FAMILIES,
@@ -17,7 +16,6 @@ from taxel.windows.trial_crops import (
     Layout,
     Scene,
     look_at,
-    mm_per_px,
     numbers_of,
     row_of,
 )
@@ -264,11 +262,6 @@ def test_a_family_is_looked_at_camera_by_camera():
 
     assert shown.shape == (3, 2, FAMILIES["stills"].columns)
     assert shown[0, :, 0].tolist() == [50.0, 100.0]
-
-
-def test_a_pixel_is_scaled_for_a_row_of_320():
-    assert mm_per_px(640, 0.05) == pytest.approx(0.1)
-    assert mm_per_px(640, None) == USUAL_MM_PER_PX
 
 
 @pytest.mark.parametrize("name", ["pixels", "slip", "stills"])

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.frame_codec import decode_jpeg
-from taxel.gel.markers import ROW_PX, Rgb
+from taxel.gel.markers import Rgb
 from taxel.gel.rim_slip import RimSlip
-from taxel.gel.slip_signal import USUAL_MM_PER_PX, PairSlip, Slip
+from taxel.gel.slip_signal import PairSlip, Slip, mm_per_row_px
 from taxel.gel.touch_poses import TouchFollower
 from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet
@@ -35,7 +35,10 @@ class SlipWatch:
     def __init__(
         self, cameras: Sequence[CameraInfo], settle: slice = SETTLE, rim: bool = False
     ) -> None:
-        self._to_mm = [np.array([mm, mm, 1.0]) for mm in map(mm_per_px_of, cameras)]
+        self._to_mm = [
+            np.array([mm, mm, 1.0])
+            for mm in (mm_per_row_px(own.width, own.mm_per_px) for own in cameras)
+        ]
         self._settle = settle
         self._cameras = tuple(cameras)
         self._followers: list[TouchFollower] = []
@@ -158,10 +161,3 @@ class SlipWatch:
 def taken_of(frame: Frame) -> float:
     """Return when a frame's image was taken: by the camera's own clock where it has one."""
     return frame.device_s if math.isfinite(frame.device_s) else frame.fitted_s
-
-
-def mm_per_px_of(camera: CameraInfo) -> float:
-    """Return the millimetres that a pixel of a 320-pixel row covers."""
-    if camera.mm_per_px is None:
-        return USUAL_MM_PER_PX
-    return camera.mm_per_px * camera.width / ROW_PX

@@ -20,20 +20,17 @@ from taxel.gel.bare import bare_gel
 from taxel.gel.contact import contact_mask, contact_shape
 from taxel.gel.depth import DepthModel
 from taxel.gel.integration import depth_from_gradients, normals_of
-from taxel.gel.markers import MarkerFlow, MarkerTracker, Rgb
+from taxel.gel.markers import ROW_PX, MarkerFlow, MarkerTracker, Rgb
 from taxel.gel.motion import dots_in, summarise_flow
 from taxel.gel.slip_features import median_frame
-from taxel.gel.slip_signal import GelSlip, Slip
+from taxel.gel.slip_signal import USUAL_MM_PER_PX, GelSlip, Slip, mm_per_row_px
 from taxel.gel.touch_poses import TouchFollower
 from taxel.labels.change import ChangeConfig
-from taxel.live.slip_watch import mm_per_px_of, taken_of
+from taxel.live.slip_watch import taken_of
 from taxel.plain_text import number_of
 from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet
 
-MM_PER_PX = 0.059
-"""Of a 320-pixel row where the camera does not say: Taxim's 0.0295 at 640
-(docs/explanation/physics-gel: 0.059 to 0.071)."""
 _DEEPEST_PERCENTILE = 99.8
 """Of the depth map, which counts as its greatest depth: single pixels may be noise."""
 
@@ -132,7 +129,7 @@ def touch_of(
     Raises:
         BadSource: Shapes differ, or are none of colour images.
     """
-    size_mm = mm_per_px or MM_PER_PX * 320 / rgb.shape[1]
+    size_mm = mm_per_px or USUAL_MM_PER_PX * ROW_PX / rgb.shape[1]
     mask = contact_mask(rgb, bare)
     gx, gy = (model or DepthModel.shipped()).gradients(rgb, bare)
     return GelTouch(
@@ -241,7 +238,7 @@ class _Follower:
         reference = median_frame(images)
         self._tracker = MarkerTracker(reference)
         self._touch = TouchFollower(images)
-        size_mm = mm_per_px_of(camera)
+        size_mm = mm_per_row_px(camera.width, camera.mm_per_px)
         self._to_mm = np.array([size_mm, size_mm, 1.0])
         self._jpeg = b""
         self.slip = GelSlip()

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gel.slip_signal import TREND_FEATURES, USUAL_MM_PER_PX, GelSlip
+from taxel.gel.slip_signal import TREND_FEATURES, GelSlip
 from taxel.gel.touch_poses import TouchFollower
 from taxel.windows import trial_network as network
 from taxel.windows import trial_picture as picture
@@ -346,11 +346,6 @@ def _looks(values: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the first look and how the middle and the last differ, a row a camera."""
     first, middle, last = values
     return np.concatenate([first, middle - first, last - first], axis=1)
-
-
-def mm_per_px(width: int, stated: float | None) -> float:
-    """Return the millimetres that a pixel of a 320-pixel row covers."""
-    return USUAL_MM_PER_PX if stated is None else stated * width / 320
 
 
 FAMILIES: Final[dict[str, Family]] = {

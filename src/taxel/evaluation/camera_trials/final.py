@@ -20,13 +20,14 @@ from taxel.bundles.trials import IN_RUN, TrialContract, trial_bundle_bytes
 from taxel.evaluation.camera_trials.learned_trials import fingerprints
 from taxel.evaluation.camera_trials.sides import TrialSplit, order_of
 from taxel.evaluation.camera_trials.trial_set import TrialSet
+from taxel.gel.slip_signal import mm_per_row_px
 from taxel.plain_text import finite, json_text
 from taxel.recordings.whole import whole_folder, write_whole
 from taxel.training.camera_trials.blend import TrialBlend, fit_blend
 from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.onnx_graph import blend_to_onnx
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import FAMILIES, mm_per_px
+from taxel.windows.trial_crops import FAMILIES
 
 _CHECKED = 32
 """Crops that a bundle is checked on."""
@@ -95,7 +96,7 @@ def fit_final(
         width=first.width,
         height=first.height,
         rate_hz=first.rate_hz,
-        mm_per_px=mm_per_px(first.width, first.mm_per_px),
+        mm_per_px=mm_per_row_px(first.width, first.mm_per_px),
         sharpness=blend.sharpness,
         threshold=blend.threshold if isfinite(blend.threshold) else None,
         data_digest=hashlib.sha256(digests.encode()).hexdigest(),

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gel.slip_signal import mm_per_row_px
 from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.learning import Crops, Moved
 from taxel.training.frames.features import load_kept, save_kept
@@ -23,7 +24,6 @@ from taxel.windows.trial_crops import (
     Layout,
     Scene,
     look_at,
-    mm_per_px,
     row_of,
     rows_alone,
 )
@@ -186,7 +186,7 @@ def _shown(
 
 
 def _file(trial: CameraTrial, cuts: _Cuts, name: str, cache: Path) -> Path:
-    camera = f"{trial.rate_hz:.4g}-{mm_per_px(trial.width, trial.mm_per_px):.4g}"
+    camera = f"{trial.rate_hz:.4g}-{mm_per_row_px(trial.width, trial.mm_per_px):.4g}"
     family = FAMILIES[name].key
     if name == "network" and cuts.network is not None:
         family = f"{family}-{cuts.network.key}"
@@ -205,7 +205,7 @@ def _kept(file: Path, trial: CameraTrial, cuts: _Cuts, name: str) -> NDArray[np.
 def _compute(
     trial: CameraTrial, cuts: _Cuts, families: Sequence[str]
 ) -> dict[str, NDArray[np.float32]]:
-    scale = mm_per_px(trial.width, trial.mm_per_px)
+    scale = mm_per_row_px(trial.width, trial.mm_per_px)
 
     def look(images: list[list[Image]]) -> dict[str, NDArray[np.float32]]:
         scenes = [Scene(own, trial.rate_hz, scale, cuts.network) for own in images]
