@@ -72,8 +72,10 @@ def test_a_texture_of_any_phase_and_turn_is_recognised_live_as_offline(tmp_path:
     """A bundle carries the network, and is refused where that is missing or another."""
     read = read_camera_trials(_textures(tmp_path / "a"))
     network = find_image_network()
-    trials = load_trial_set(read, "texture", tmp_path / "kept", sight=Sight(network=network))
-    blend = fit_blend(trials.learning(trials.rows, "object"), 1, trials.widths, 0)
+    sight = Sight(network=network, extras=True)
+    trials = load_trial_set(read, "texture", tmp_path / "kept", sight=sight)
+    learning = trials.learning(trials.rows, "object", trials.extras)
+    blend = fit_blend(learning, 1, trials.widths, 0)
     assert blend.inner["discriminant on the image network"] < 0.1
     weight = dict(zip((member.kind for member in blend.members), blend.weights, strict=True))
     assert weight["network"] > 0.1

@@ -30,7 +30,7 @@ from taxel.sim.pour.cup_pour import CupPourConfig, Gel, list_runs, simulate_pour
 from taxel.sim.pour.cups import Kind, Position, PourRun
 from taxel.sources.simulated.pour_sets import simulate_videos
 from taxel.training.camera_trials.blend import DIFFERENCES
-from taxel.training.camera_trials.features import trial_rows
+from taxel.training.camera_trials.features import Cuts, trial_rows
 from taxel.training.encoder.fit import GAIN, GRAIN, JITTER, LEVEL
 from taxel.training.encoder.videos import STRETCHES, TouchVideo, chosen_frames, small
 from taxel.training.frames.features import default_cache, load_kept, save_kept
@@ -296,7 +296,7 @@ def real_rows(
         cache: As for `simulated_rows`.
     """
     if features == GREY:
-        cut = trial_rows(trials, Layout(CROP, STRETCHES), ("pixels",), default_cache())
+        cut = trial_rows(trials, Cuts(Layout(CROP, STRETCHES)), ("pixels",), default_cache())
         return cut.rows["pixels"][:, numbers_of("pixels", DIFFERENCES, 2)]
     if features == GEL:
         return pooled(crop_features(trials, [gel_features()], default_cache())[0])

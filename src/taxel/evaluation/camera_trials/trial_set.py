@@ -18,7 +18,13 @@ from numpy.typing import NDArray
 from taxel.bundles.contract import RATE_RANGE
 from taxel.errors import BadDataset
 from taxel.labels.class_order import in_order, refuse_reserved
-from taxel.training.camera_trials.features import TrialRows, further_crops, moved_crops, trial_rows
+from taxel.training.camera_trials.features import (
+    Cuts,
+    TrialRows,
+    further_crops,
+    moved_crops,
+    trial_rows,
+)
 from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.learning import Extras, Learning
 from taxel.windows.camera_trials import CameraTrial
@@ -196,7 +202,7 @@ def load_trial_set(
             "correct the table's column rate, or make a table of each rate",
         )  # fmt: skip
     views, network = sight.all_views, sight.network
-    cut = trial_rows(trials, layout, views, cache, partial(on_trial, JUDGED), network=network)
+    cut = trial_rows(trials, Cuts(layout, network=network), views, cache, partial(on_trial, JUDGED))
     return TrialSet(
         target=labelled.target,
         classes=labelled.classes,
@@ -228,15 +234,17 @@ def _extras(
         between = None
         if count := count_between(layout, len(trials)):
             on_between = partial(on_trial, LEARNED)
-            between = trial_rows(trials, layout, moving, cache, on_between, between=count)
+            between = trial_rows(trials, Cuts(layout, between=count), moving, cache, on_between)
         further = further_crops(cut, between, moving)
     on_copy = partial(on_trial, COPIED)
     seen = tuple(name for name in views if name in SHIFTED)
     if sight.extras and seen and (count := count_shifted(layout, len(trials))):
-        moved = moved_crops(cut, trial_rows(trials, layout, seen, cache, on_copy, copies=count))
+        moved = moved_crops(
+            cut, trial_rows(trials, Cuts(layout, copies=count), seen, cache, on_copy)
+        )
     seen = tuple(name for name in views if name in ASKED)
     if sight.asked and seen:
-        own = trial_rows(trials, layout, seen, cache, on_copy, copies=1, network=network)
+        own = trial_rows(trials, Cuts(layout, copies=1, network=network), seen, cache, on_copy)
         asked = moved_crops(cut, own)
     return Extras(further, moved, asked)
 

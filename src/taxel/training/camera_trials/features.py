@@ -54,34 +54,58 @@ class TrialRows:
         return int(next(iter(self.shown.values())).shape[2])
 
 
+@dataclass(frozen=True, slots=True)
+class Cuts:
+    """Which crops of a trial are looked at: those it is judged by, unless others are asked for."""
+
+    layout: Layout
+    """How trials are cut."""
+    between: int = 0
+    """So many crops between the places instead, which are only learned from."""
+    copies: int = 0
+    """So many shifted copies of each crop instead, by which no trial is judged."""
+    network: ImageNetwork | None = None
+    """What the family of that name looks through."""
+
+    def starts(self, frames: int) -> list[int]:
+        """Return the first frames of these crops in a trial of so many frames."""
+        if self.between:
+            return self.layout.between(frames, self.between)
+        return self.layout.starts(frames)
+
+    @property
+    def places(self) -> int:
+        """How many crops each trial gives, copies counted."""
+        return len(self.starts(self.layout.crop)) * max(1, self.copies)
+
+    @property
+    def key(self) -> str:
+        """Name for the cache."""
+        between = f"-between-{self.between}" if self.between else ""
+        shifted = f"-{VERSION}-{self.copies}" if self.copies else ""
+        return f"{self.layout.crop}x{self.layout.places}{between}{shifted}"
+
+
 def trial_rows(
     trials: Sequence[CameraTrial],
-    layout: Layout,
+    cuts: Cuts,
     families: Sequence[str],
     cache: Path,
     on_trial: Callable[[int, int], None] = lambda done, of: None,
-    *,
-    between: int = 0,
-    copies: int = 0,
-    network: ImageNetwork | None = None,
 ) -> TrialRows:
     """Return what all crops show, from the cache where it has it.
 
     Args:
         trials: None shorter than a crop.
-        layout: How they are cut.
+        cuts: Which crops of them.
         families: Names in `FAMILIES`.
         cache: Folder to keep files in.
         on_trial: Called with trials done and in all.
-        between: So many crops between the places instead, which are only learned from.
-        copies: So many shifted copies of each crop instead, by which no trial is judged.
-        network: What the family of that name looks through.
 
     Raises:
         RecordingFailed: The disk refused.
         BadTable: A video cannot be read.
     """
-    cuts = _Cuts(layout, between, copies, network)
     shown: dict[str, list[NDArray[np.float32]]] = {name: [] for name in families}
     for done, trial in enumerate(trials, start=1):
         for name, values in _shown(trial, cuts, families, cache).items():
@@ -143,36 +167,8 @@ def _alone(cut: TrialRows, views: Sequence[str]) -> Crops:
     return Crops(np.stack(rows), np.repeat(cut.trial, cut.cameras))
 
 
-@dataclass(frozen=True, slots=True)
-class _Cuts:
-    """Where crops start: those a trial is judged by (`between` 0), or crops between them; of how
-    many shifted copies of each, in place of itself; and what looks at them.
-    """
-
-    layout: Layout
-    between: int
-    copies: int = 0
-    network: ImageNetwork | None = None
-
-    def starts(self, frames: int) -> list[int]:
-        if self.between:
-            return self.layout.between(frames, self.between)
-        return self.layout.starts(frames)
-
-    @property
-    def places(self) -> int:
-        return len(self.starts(self.layout.crop)) * max(1, self.copies)
-
-    @property
-    def key(self) -> str:
-        """Name for the cache."""
-        between = f"-between-{self.between}" if self.between else ""
-        shifted = f"-{VERSION}-{self.copies}" if self.copies else ""
-        return f"{self.layout.crop}x{self.layout.places}{between}{shifted}"
-
-
 def _shown(
-    trial: CameraTrial, cuts: _Cuts, families: Sequence[str], cache: Path
+    trial: CameraTrial, cuts: Cuts, families: Sequence[str], cache: Path
 ) -> dict[str, NDArray[np.float32]]:
     """Return what one trial's crops show, family → shape (places, rows, cameras, columns)."""
     files = {name: _file(trial, cuts, name, cache) for name in families}
@@ -185,7 +181,7 @@ def _shown(
     return {name: values for name, values in found.items() if values is not None}
 
 
-def _file(trial: CameraTrial, cuts: _Cuts, name: str, cache: Path) -> Path:
+def _file(trial: CameraTrial, cuts: Cuts, name: str, cache: Path) -> Path:
     camera = f"{trial.rate_hz:.4g}-{mm_per_row_px(trial.width, trial.mm_per_px):.4g}"
     family = FAMILIES[name].key
     if name == "network" and cuts.network is not None:
@@ -194,7 +190,7 @@ def _file(trial: CameraTrial, cuts: _Cuts, name: str, cache: Path) -> Path:
     return cache / "trials" / folder / f"{trial.digest[:32]}.npy"
 
 
-def _kept(file: Path, trial: CameraTrial, cuts: _Cuts, name: str) -> NDArray[np.float32] | None:
+def _kept(file: Path, trial: CameraTrial, cuts: Cuts, name: str) -> NDArray[np.float32] | None:
     columns, cameras = FAMILIES[name].columns, len(trial.cameras)
     values = load_kept(file, columns)
     if values is None or len(values) % (cuts.places * cameras):
@@ -203,7 +199,7 @@ def _kept(file: Path, trial: CameraTrial, cuts: _Cuts, name: str) -> NDArray[np.
 
 
 def _compute(
-    trial: CameraTrial, cuts: _Cuts, families: Sequence[str]
+    trial: CameraTrial, cuts: Cuts, families: Sequence[str]
 ) -> dict[str, NDArray[np.float32]]:
     scale = mm_per_row_px(trial.width, trial.mm_per_px)
 

@@ -21,7 +21,8 @@ _BLACK = 4095 / 257
 12 bits are at most 4095, and decoders divide 16 bits by 257."""
 
 CROP_AHEAD = 0.05
-"""By so much accuracy, 0…1, must a crop alone be ahead of all for a note. Source: our choice."""
+"""By so much accuracy, 0…1, must a crop alone be ahead of all for a note. Source: our choice,
+docs/decisions/0041."""
 
 
 def frames_note(lengths: Sequence[int], crop: int) -> str | None:
