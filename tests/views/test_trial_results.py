@@ -319,6 +319,9 @@ def test_trials_that_stand_alone_are_named_where_they_are_wrong() -> None:
              for row in (3, 7)]  # fmt: skip
     assert f"2 of 24 tested trials are wrong: {', '.join(wrong)}." in text
     assert "all trials correct" not in text
+    whole = replace(whole, probabilities=np.eye(2)[trials.y])
+    console.print(trial_tables(trials, split, [whole], []))
+    assert "all 24 tested trials are correct." in console.export_text()
 
 
 def test_classes_are_shown_by_the_numbers_in_their_names() -> None:

@@ -18,14 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.windows.trial_crops import LEAST_CROP
+from taxel.windows.trial_network import IMAGES
 
 Image = NDArray[np.uint8]
 SHIFTED: Final = ("stills", "picture")
 """Views of whose copies models learn. What moves is seen relative to a crop's first frames, and
 hardly changes with the camera's place."""
-ASKED: Final = (*SHIFTED, "network")
-"""Views of copies on which models are compared: what an image network sees shifts, too, but nothing
-learned from its copies goes on better."""
+WHOLE: Final = ("touch", "network")
+"""Views of encoders that look at eight images of a crop, evenly apart, each as it is."""
+ASKED: Final = (*SHIFTED, *WHOLE)
+"""Views of copies on which models are compared: what an encoder sees shifts, too, but nothing
+learned from copies of the image network's goes on better."""
 TURN_DEG: Final = 2.0
 SCALE: Final = 0.02
 SHIFT: Final = 0.02
@@ -42,9 +45,22 @@ def stills_of(images: Sequence[Image]) -> list[Image]:
         images: Of one camera, shape (height, width, 3) each; of fewer than `LEAST_CROP` the last
             one stands still.
     """
-    held = [*images, *[images[-1]] * (LEAST_CROP - len(images))]
+    held = _held(images)
     last, half = len(held) - 1, (LEAST_CROP - 1) // 2
     return [*[held[0]] * half, *[held[last // 2]] * (LEAST_CROP - 1 - half), held[last]]
+
+
+def looked_at(view: str, images: Sequence[Image]) -> list[Image]:
+    """Return as few images as show a view the same as a crop's all: the others need not move.
+
+    Args:
+        view: In `ASKED`.
+        images: As of `stills_of`.
+    """
+    if view not in WHOLE:
+        return stills_of(images)
+    held = _held(images)
+    return [held[at] for at in (np.arange(IMAGES) * len(held) // IMAGES).tolist()]
 
 
 def shifted(images: Sequence[Image], seed: Sequence[int]) -> list[Image]:
@@ -67,3 +83,7 @@ def shifted(images: Sequence[Image], seed: Sequence[int]) -> list[Image]:
 
     found = {key: move(image) for key, image in {id(image): image for image in images}.items()}
     return [found[id(image)] for image in images]
+
+
+def _held(images: Sequence[Image]) -> list[Image]:
+    return [*images, *[images[-1]] * (LEAST_CROP - len(images))]

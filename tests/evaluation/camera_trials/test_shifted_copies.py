@@ -13,12 +13,14 @@ from trial_makers import few_small_members, write_trials
 from taxel.evaluation.camera_trials.other_sessions import others_to_come
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import LabelledTrials, Sight, load_trial_set
-from taxel.training.camera_trials.blend import TrialBlend, TrialMember, fit_blend
+from taxel.training.camera_trials.blend import MEMBERS, TrialBlend, TrialMember, fit_blend
 from taxel.training.camera_trials.learning import Extras, Learning, Moved
 from taxel.training.camera_trials.rank_sums import Steady
 from taxel.windows.camera_trials import read_camera_trials
+from taxel.windows.trial_crops import MOVEMENT, Scene, look_at
 from taxel.windows.trial_layout import Layout, count_shifted
-from taxel.windows.trial_shifts import SHIFT, shifted, stills_of
+from taxel.windows.trial_network import FEATURES
+from taxel.windows.trial_shifts import ASKED, SHIFT, looked_at, shifted, stills_of
 
 Image = NDArray[np.uint8]
 
@@ -67,6 +69,30 @@ def test_stills_are_the_first_the_middle_and_the_last_as_views_look_at_them(coun
     assert len(found) == 8
     for place, at in ((0, 0), (3, last // 2), (7, last)):
         assert np.array_equal(found[place], held[at])
+
+
+@pytest.mark.parametrize("count", [1, 3, 8, 20, 48])
+def test_copies_are_what_views_see_when_all_images_of_a_crop_move(count: int) -> None:
+    rng = np.random.default_rng(count)
+    images = [rng.integers(0, 256, (30, 40, 3)).astype(np.uint8) for _ in range(count)]
+
+    def network(given: Image) -> NDArray[np.float32]:
+        return np.tile(given.mean(axis=(1, 2, 3))[:, None], FEATURES).astype(np.float32)
+
+    for name in ASKED:
+        few, every = (
+            look_at((name,), [Scene(shifted(own, (1, 2)), 25.0, 0.065, network)])[name]
+            for own in (looked_at(name, images), images)
+        )
+        assert np.array_equal(few, every)
+        assert len({id(image) for image in looked_at(name, images)}) <= 8
+
+
+def test_every_member_but_of_movement_is_compared_on_copies_of_all_that_it_sees() -> None:
+    """Else a camera that sits as it did would flatter what looks at whole images."""
+    for member in MEMBERS:
+        if not set(member.views) <= set(MOVEMENT):
+            assert set(member.views) <= {*ASKED, *MOVEMENT}
 
 
 def test_a_model_sees_moved_columns_of_the_copy_and_the_others_of_its_crop() -> None:
@@ -195,3 +221,10 @@ def test_where_each_class_is_an_object_its_trials_are_what_is_to_come() -> None:
                      split=["train", "test"] * 8)  # fmt: skip
     parted = split_trials(trials.groups, trials.y, None, 2, 0, trials.classes)
     assert not others_to_come(trials, parted, 0)
+
+
+def test_where_nothing_can_be_held_out_members_learn_from_copies() -> None:
+    rows = np.array([[0, 0, 0], [3, 3, 3]], np.float64)
+    blend = _blend(rows, rows[:, :2], rows[:, :2], np.arange(2))
+    assert blend.inner == {}
+    assert [member.shifted for member in blend.members] == [True, False]

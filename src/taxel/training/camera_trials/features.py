@@ -27,7 +27,7 @@ from taxel.windows.trial_crops import (
     row_of,
     rows_alone,
 )
-from taxel.windows.trial_shifts import VERSION, shifted, stills_of
+from taxel.windows.trial_shifts import VERSION, WHOLE, looked_at, shifted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,20 +203,26 @@ def _compute(
 ) -> dict[str, NDArray[np.float32]]:
     scale = mm_per_row_px(trial.width, trial.mm_per_px)
 
-    def look(images: list[list[Image]]) -> dict[str, NDArray[np.float32]]:
+    def look(names: Sequence[str], images: list[list[Image]]) -> dict[str, NDArray[np.float32]]:
         scenes = [Scene(own, trial.rate_hz, scale, cuts.network) for own in images]
-        return look_at(families, scenes)
+        return look_at(names, scenes)
+
+    whole = tuple(name for name in families if name in WHOLE)
+    others = tuple(name for name in families if name not in WHOLE)
+
+    def copy_of(images: list[list[Image]], seed: tuple[int, ...]) -> dict[str, NDArray[np.float32]]:
+        found = {}
+        for names in filter(None, (whole, others)):
+            seen = [looked_at(names[0], own) for own in images]
+            moved = [shifted(own, (*seed, camera)) for camera, own in enumerate(seen)]
+            found.update(look(names, moved))
+        return found
 
     def look_at_all(number: int, images: list[list[Image]]) -> list[dict[str, NDArray[np.float32]]]:
         if not cuts.copies:
-            return [look(images)]
-        if "network" not in families:  # the others look at three of a crop's images
-            images = [stills_of(own) for own in images]
+            return [look(families, images)]
         seed = int(trial.digest[:8], 16), number
-        return [
-            look([shifted(own, (*seed, copy, camera)) for camera, own in enumerate(images)])
-            for copy in range(cuts.copies)
-        ]
+        return [copy_of(images, (*seed, copy)) for copy in range(cuts.copies)]
 
     # map lets go of each crop before the next is read
     crops = trial.crops(cuts.starts(trial.frames), cuts.layout.crop)

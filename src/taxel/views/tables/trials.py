@@ -237,6 +237,8 @@ def _weakest(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
     missed = [(name, right, of) for name, (right, of) in groups.items() if right < of]
     if missed and all(of == 1 for _, of in groups.values()):
         return _wrong(trials, ours)
+    if not missed and all(of == 1 for _, of in groups.values()):
+        return f"all {number_of(len(groups), 'tested trial')} are correct."
     if not missed:
         whole = "all " * (len(groups) > 1)
         return f"all trials of {whole}{number_of(len(groups), visible(split.group))} are correct."
