@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taxel.gel.scale import mm_per_row_px
 from taxel.gel.slip_signal import (
     NO_SLIP,
     PAIR_FEATURES,
@@ -13,7 +14,6 @@ from taxel.gel.slip_signal import (
     GelSlip,
     PairSlip,
     Slip,
-    mm_per_row_px,
     pair_features,
 )
 

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gel.markers import ROW_PX, Rgb, check_like, check_rgb, relative_brightness
+from taxel.gel.markers import Rgb, check_like, check_rgb, relative_brightness
+from taxel.gel.scale import ROW_PX
 
 _SMOOTH_PX = 1.0
 """Gaussian blur of the colours before division, px at that width: the noise's grain."""

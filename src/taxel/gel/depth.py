@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset
 from taxel.gel.colour_change import colour_change
 from taxel.gel.integration import Gradient, depth_from_gradients, normals_of
-from taxel.gel.markers import ROW_PX, Rgb
+from taxel.gel.markers import Rgb
 from taxel.gel.presses import Press
+from taxel.gel.scale import ROW_PX
 
 _DEGREE = 3
 _CENTRING_MM = 0.35

@@ -18,7 +18,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gel.markers import ROW_PX, Rgb, relative_brightness
+from taxel.gel.markers import Rgb, relative_brightness
+from taxel.gel.scale import ROW_PX
 
 Pose = NDArray[np.float64]
 """Shape (3,): x, y (px of a 320-pixel row, about the image's middle) and turn (rad, x to y)."""

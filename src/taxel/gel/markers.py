@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadSource
 from taxel.gel.dot_windows import CLEAR_PX, DotWindows, centroids, level_image, levels_of
+from taxel.gel.scale import ROW_PX
 
 Rgb = NDArray[np.uint8]
 Points = NDArray[np.float32]
 
-ROW_PX: Final = 320
-"""Pixels a row at which sizes in this folder are meant, and poses are given:
-docs/explanation/physics-gel."""
 _SMALLEST_PX, _LARGEST_PX = 7.0, 26.0
 """Diameters that a dot may have: measured 10 to 18, with room for shear and blur."""
 _SEARCH_SCALE: Final = 2.0

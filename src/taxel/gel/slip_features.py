@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadSource
 from taxel.gel.contact import ContactFinder, imprint_mask
-from taxel.gel.markers import ROW_PX, MarkerFlow, MarkerTracker, Rgb, check_rgb
+from taxel.gel.markers import MarkerFlow, MarkerTracker, Rgb, check_rgb
 from taxel.gel.motion import RegionMotion, dots_in, fit_motion, summarise_flow
+from taxel.gel.scale import ROW_PX
 from taxel.gel.texture import TextureFlow, TextureFollower
 
 SLIP_FEATURES: Final[tuple[str, ...]] = (

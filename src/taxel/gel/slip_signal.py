@@ -19,13 +19,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gel.markers import ROW_PX
-
 TURN_MM: Final = 4.0
 """Lever at which a turn counts as slip: the mean distance of a handle's patch from its middle,
 0.62 × 6.3 mm. Source: docs/explanation/physics-gel, limit surface of a handle's patch."""
-USUAL_MM_PER_PX: Final = 0.065
-"""Of a GelSight Mini at 320 × 240 where the camera does not state its own, 0.059 to 0.071."""
 
 _SOFT_MM: Final = 0.05
 """Added to the gel's motion before slip is divided by it: below it there is only noise."""
@@ -62,16 +58,6 @@ PAIR_FEATURES: Final[tuple[str, ...]] = (
     *(f"{name}_mean" for name in TREND_FEATURES),
 )
 """Columns of all gels together."""
-
-
-def mm_per_row_px(width: int, stated: float | None) -> float:
-    """Return the millimetres that a pixel of a 320-pixel row covers.
-
-    Args:
-        width: Of the camera's images, pixels.
-        stated: Millimetres that one of their pixels covers; a GelSight Mini's where it is None.
-    """
-    return USUAL_MM_PER_PX if stated is None else stated * width / ROW_PX
 
 
 @dataclass(frozen=True, slots=True)

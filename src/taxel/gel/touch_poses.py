@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gel.imprint_pose import ImprintFollower, ImprintPose, Pose
-from taxel.gel.markers import ROW_PX, MarkerFlow, MarkerTracker, Rgb
+from taxel.gel.markers import MarkerFlow, MarkerTracker, Rgb
 from taxel.gel.motion import TUKEY
+from taxel.gel.scale import ROW_PX
 from taxel.gel.slip_features import median_frame
 
 _WHOLE, _NONE = 1.2, 1.7

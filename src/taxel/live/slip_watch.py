@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from taxel.frame_codec import decode_jpeg
 from taxel.gel.markers import Rgb
 from taxel.gel.rim_slip import RimSlip
-from taxel.gel.slip_signal import PairSlip, Slip, mm_per_row_px
+from taxel.gel.scale import mm_per_row_px
+from taxel.gel.slip_signal import PairSlip, Slip
 from taxel.gel.touch_poses import TouchFollower
 from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet

@@ -20,10 +20,11 @@ from taxel.gel.bare import bare_gel
 from taxel.gel.contact import contact_mask, contact_shape
 from taxel.gel.depth import DepthModel
 from taxel.gel.integration import depth_from_gradients, normals_of
-from taxel.gel.markers import ROW_PX, MarkerFlow, MarkerTracker, Rgb
+from taxel.gel.markers import MarkerFlow, MarkerTracker, Rgb
 from taxel.gel.motion import dots_in, summarise_flow
+from taxel.gel.scale import ROW_PX, USUAL_MM_PER_PX, mm_per_row_px
 from taxel.gel.slip_features import median_frame
-from taxel.gel.slip_signal import USUAL_MM_PER_PX, GelSlip, Slip, mm_per_row_px
+from taxel.gel.slip_signal import GelSlip, Slip
 from taxel.gel.touch_poses import TouchFollower
 from taxel.labels.change import ChangeConfig
 from taxel.live.slip_watch import taken_of

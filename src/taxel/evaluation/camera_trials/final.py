@@ -20,7 +20,7 @@ from taxel.bundles.trials import IN_RUN, TrialContract, trial_bundle_bytes
 from taxel.evaluation.camera_trials.learned_trials import fingerprints
 from taxel.evaluation.camera_trials.sides import TrialSplit, order_of
 from taxel.evaluation.camera_trials.trial_set import TrialSet
-from taxel.gel.slip_signal import mm_per_row_px
+from taxel.gel.scale import mm_per_row_px
 from taxel.plain_text import finite, json_text
 from taxel.recordings.whole import whole_folder, write_whole
 from taxel.training.camera_trials.blend import TrialBlend, fit_blend

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadInput
 from taxel.frame_codec import decode_jpeg, encode_jpeg
-from taxel.gel.markers import ROW_PX, MarkerTracker, brightest
+from taxel.gel.markers import MarkerTracker, brightest
+from taxel.gel.scale import ROW_PX
 from taxel.signals import Frame
 
 Rgb = NDArray[np.uint8]

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gel.slip_signal import mm_per_row_px
+from taxel.gel.scale import mm_per_row_px
 from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.learning import Crops, Moved
 from taxel.training.frames.features import load_kept, save_kept
