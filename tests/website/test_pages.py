@@ -7,8 +7,8 @@ import pytest
 from website.api_pages import api_pages, constants_table
 from website.check_site import defined_names, public_names
 from website.cli_pages import cli_pages
-from website.hooks import JOBS, listing
 from website.places import page_of, title_and_lead, turn_links
+from website.sections import JOBS, listing
 
 from taxel.cli.main import VERBS
 
