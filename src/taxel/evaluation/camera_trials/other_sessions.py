@@ -27,8 +27,7 @@ def others_to_come(trials: LabelledTrials, split: TrialSplit, seed: int) -> bool
     if split.name == RANDOM:
         return False
     order = order_of(split, trials.groups, trials.y)
-    alone = [own.get(split.group, f"trial {at}") for at, own in enumerate(trials.groups)]
-    groups = np.array(alone)
+    groups = trials.values_of(split.group)
     sides = [fold.train_rows for fold in split.folds]
     if len(sides) > 1:  # all are learned from in the end
         sides.append(np.arange(len(trials.y), dtype=np.intp))

@@ -75,6 +75,10 @@ class LabelledTrials:
         """Each trial's class."""
         return [self.classes[number] for number in self.y.tolist()]
 
+    def values_of(self, group: str) -> NDArray[np.str_]:
+        """Return a group's value of each trial, shape (trials,); those that lack it stand alone."""
+        return np.array([own.get(group, f"trial {i}") for i, own in enumerate(self.groups)])
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialSet(LabelledTrials):
@@ -117,11 +121,8 @@ class TrialSet(LabelledTrials):
             order: Shape (trials,): numbers that grow from earlier to later trials, where later ones
                 are tested.
         """
-        values = [own.get(group, f"trial {i}") for i, own in enumerate(self.groups)]
-        own = extras or Extras()
-        return Learning(
-            rows, self.cut.trial, self.y, np.array(values), len(self.classes), own, order
-        )
+        values, own = self.values_of(group), extras or Extras()
+        return Learning(rows, self.cut.trial, self.y, values, len(self.classes), own, order)
 
 
 def labelled_trials(trials: Sequence[CameraTrial], target: str | None) -> LabelledTrials:
