@@ -164,4 +164,5 @@ def some_trials(
             trial=trial,
             place=np.tile(np.arange(places), trials),
         ),
+        first=looks[::places, 0, :, :48].reshape(trials, -1),
     )

@@ -43,7 +43,7 @@ def dots() -> np.ndarray:
 @pytest.mark.parametrize("frames", [48, 49, 141, 450])
 def test_the_images_lie_in_the_crops_of_camera_trials(frames: int) -> None:
     """At 25 frames a second: every sixth of each crop, so that length does not show."""
-    starts = Layout(48, 3).starts(frames)
+    starts = Layout(48, 3).starts(range(frames))
 
     assert chosen_frames(frames, 25.0).tolist() == [
         [start + 6 * at for at in range(8)] for start in starts

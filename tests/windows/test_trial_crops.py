@@ -35,10 +35,10 @@ def blocks() -> np.ndarray:
 
 def test_crops_between_lie_evenly_and_their_number_says_nothing_of_the_length():
     """Halves are parted evenly; a trial of just a crop has as many; one place has none."""
-    assert Layout(10, 3).between(90, 6) == [10, 20, 30, 50, 60, 70]
-    assert Layout(10, 3).between(90, 2) == [20, 60]
-    assert Layout(10, 3).between(10, 6) == [0] * 6
-    assert Layout(10, 1).between(90, 6) == []
+    assert Layout(10, 3).between(range(90), 6) == [10, 20, 30, 50, 60, 70]
+    assert Layout(10, 3).between(range(90), 2) == [20, 60]
+    assert Layout(10, 3).between(range(10), 6) == [0] * 6
+    assert Layout(10, 1).between(range(90), 6) == []
 
 
 def test_the_more_trials_there_are_the_fewer_crops_lie_between():
@@ -50,22 +50,22 @@ def test_the_more_trials_there_are_the_fewer_crops_lie_between():
 
 
 def test_crops_lie_at_the_start_in_the_middle_and_at_the_end():
-    assert Layout(10, 3).starts(31) == [0, 10, 21]
-    assert Layout(10, 1).starts(31) == [0]
+    assert Layout(10, 3).starts(range(31)) == [0, 10, 21]
+    assert Layout(10, 1).starts(range(31)) == [0]
     assert (Layout(10, 3).every, Layout(1, 1).every, Layout(9, 1).every) == (5, 1, 4)
 
 
 def test_crops_fit_into_the_shortest_trial():
-    assert choose_layout([60, 49, 70]) == Layout(48, 3)
-    assert choose_layout([47, 60]) == Layout(47, 3)
+    assert choose_layout([60, 49, 70]) == Layout(48, 3, moving=True)
+    assert choose_layout([47, 60]) == Layout(47, 3, moving=True)
     assert choose_layout([48, 48]) == Layout(48, 1)
-    assert choose_layout([8, 9]) == Layout(8, 3)
-    assert choose_layout([20, 30], crop=8) == Layout(8, 3)
+    assert choose_layout([8, 9]) == Layout(8, 3, moving=True)
+    assert choose_layout([20, 30], crop=8) == Layout(8, 3, moving=True)
     assert choose_layout([20, 20], crop=20) == Layout(20, 1)
     for crop in (7, 21):
         with pytest.raises(BadInput, match="8 to 20 frames"):
             choose_layout([20, 30], crop=crop)
-    assert choose_layout([7, 30]) == Layout(7, 3)
+    assert choose_layout([7, 30]) == Layout(7, 3, moving=True)
     assert choose_layout([1, 1]) == Layout(1, 1)
     with pytest.raises(BadInput, match="3 to 3 frames"):
         choose_layout([3, 30], crop=8)

@@ -52,7 +52,7 @@ class TrialContract:
     classes: tuple[str, ...]
     """Its answers, in the order of its probabilities."""
     crop: int
-    """Frames in a crop."""
+    """Images in a crop."""
     places: int
     """Crops of a whole trial, 1 or 3."""
     views: tuple[str, ...]
@@ -79,6 +79,11 @@ class TrialContract:
     """Fingerprints of the training trials, as read and as imported, sorted; see
     `taxel.bundles.contract.fingerprint_of`. Empty where it is not known, as in older bundles.
     """
+    moving: bool = False
+    """Whether the crops of a whole trial are taken from its part in which something moves; from all
+    of it in older bundles, and where there is one crop."""
+    step: int = 1
+    """Frames from a crop's image to its next."""
     network: str = ""
     """The image network that crops are looked at through, and where its weights come from; empty
     without one."""
@@ -86,7 +91,7 @@ class TrialContract:
     @property
     def layout(self) -> Layout:
         """How a trial is cut."""
-        return Layout(self.crop, self.places)
+        return Layout(self.crop, self.places, self.moving, self.step)
 
     def check(self, sizes: list[tuple[int, int]], rates_hz: list[float]) -> None:
         """Refuse cameras that this bundle was not made for.
@@ -244,6 +249,10 @@ def contract_to_json(contract: TrialContract) -> str:
     data = asdict(contract) | {"format": FORMAT, "kind": "trials"}
     if not contract.network:
         del data["network"]  # which older versions of taxel do not know
+    if not contract.moving:
+        del data["moving"]  # likewise
+    if contract.step == 1:
+        del data["step"]
     return json.dumps(data, indent=1, sort_keys=True, allow_nan=False)
 
 
@@ -256,7 +265,7 @@ def contract_from_json(text: str | bytes) -> TrialContract:
     try:
         data = parse_json(text)
         if isinstance(data, dict):  # what older bundles lack
-            data = {"learned": [], "network": ""} | data
+            data = {"learned": [], "network": "", "moving": False, "step": 1} | data
         return _contract(Fields(data, "the contract"))
     except ValueError as error:  # BadFile is a ValueError
         raise BadBundle(
@@ -286,11 +295,16 @@ def _contract(entries: Fields) -> TrialContract:
     places = entries.count("places", 1, len(PLACES))
     if places not in (1, len(PLACES)):
         raise ValueError("places are neither 1 nor 3")
+    moving = entries.flag("moving")
+    if moving and places == 1:
+        raise ValueError("a single crop, of a part of a trial")
     return TrialContract(
         target=entries.text("target"),
         classes=classes,
         crop=entries.count("crop", 1, _MOST_FRAMES),
         places=places,
+        moving=moving,
+        step=entries.count("step", 1, _MOST_FRAMES),
         views=views,
         versions=versions,
         cameras=entries.count("cameras", 1, _MOST_CAMERAS),

@@ -70,21 +70,31 @@ class CameraTrial:
         found = enumerate(islice(self.read(camera), max(needed) + 1))
         return {number: image for number, image in found if number in needed}
 
-    def crops(self, starts: Sequence[int], length: int) -> Iterator[list[list[Image]]]:
-        """Yield crops: the images of each camera. Memory is that of one crop.
+    def crops(self, starts: Sequence[int], span: int, step: int = 1) -> Iterator[list[list[Image]]]:
+        """Yield crops: the images of each camera. Memory is that of the frames a crop spans.
 
         Args:
             starts: First image of each crop, ascending.
-            length: Images in a crop.
+            span: Frames from a crop's first image to its last, both counted.
+            step: Frames from an image to the next.
         """
         streams = [self.read(camera) for camera in range(len(self.cameras))]
-        held: list[deque[Image]] = [deque(maxlen=length) for _ in streams]
+        held: list[deque[Image]] = [deque(maxlen=span) for _ in streams]
         read = 0
         for start in starts:
             for own, stream in zip(held, streams, strict=True):
-                own.extend(islice(stream, start + length - read))
-            read = start + length
-            yield [list(own) for own in held]
+                own.extend(islice(stream, start + span - read))
+            read = start + span
+            yield [list(own)[::step] for own in held]
+
+    def moments(self) -> Iterator[tuple[Image, ...]]:
+        """Yield the images of all cameras, a moment after another.
+
+        Raises:
+            BadTable: A video cannot be read.
+        """
+        streams = [self.read(camera) for camera in range(len(self.cameras))]
+        return islice(zip(*streams, strict=False), self.frames)
 
     def digests(self) -> tuple[str, ...]:
         """Return `digest` and, of files, the digest of the recording that an import makes of them.
@@ -98,8 +108,7 @@ class CameraTrial:
         if self.recorded:
             return (self.digest,)
         whole = hashlib.sha256()
-        streams = [self.read(camera) for camera in range(len(self.cameras))]
-        for images in islice(zip(*streams, strict=False), self.frames):
+        for images in self.moments():
             for image in images:
                 whole.update(hashlib.sha256(encode_jpeg(image, QUALITY)).digest())
         return self.digest, whole.hexdigest()

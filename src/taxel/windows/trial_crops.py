@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from taxel.gel.slip_signal import TREND_FEATURES, GelSlip
 from taxel.gel.touch_poses import TouchFollower
+from taxel.plain_text import number_of
 from taxel.windows import trial_network as network
 from taxel.windows import trial_picture as picture
 from taxel.windows.touch_view import FEATURES as TOUCH_FEATURES
@@ -32,7 +33,8 @@ LEAST_CROP: Final = 8
 """Frames in which movement is summed up; of a shorter crop the last frame stands still to them.
 Source: our choice, docs/decisions/0041."""
 PLACES: Final[tuple[str, ...]] = ("first", "middle", "last")
-"""The crops of each trial; a set whose trials all have a crop's length has the first alone."""
+"""The crops of each trial, of its part in which something moves; a set whose trials all have a
+crop's length has the first alone."""
 REFERENCE_FRAMES: Final = 3
 """Frames at a crop's start whose median is its reference: 0.12 s at 25 frames a second."""
 LAG: Final = 5
@@ -81,32 +83,54 @@ class Layout:
     """How trials are cut, the same for all of a set."""
 
     crop: int
-    """Frames in a crop."""
+    """Images in a crop."""
     places: int
     """1 or 3 crops a trial."""
+    moving: bool = False
+    """Whether three crops are taken from the part of a trial in which something moves, as
+    `taxel.windows.trial_stretch` finds it, or from all of it."""
+    step: int = 1
+    """Frames from a crop's image to its next."""
 
-    def starts(self, frames: int) -> list[int]:
-        """Return the first frames of a trial's crops, in the order of `PLACES`."""
-        last = frames - self.crop
-        return [0, last // 2, last][: self.places]
+    @property
+    def span(self) -> int:
+        """Frames from a crop's first image to its last, both counted."""
+        return (self.crop - 1) * self.step + 1
 
-    def between(self, frames: int, count: int) -> list[int]:
+    @property
+    def words(self) -> str:
+        """What a crop is, such as "48 frames", or "48 images, one in 4 of 189 frames"."""
+        if self.step > 1:
+            return f"{self.crop} images, one in {self.step} of {self.span} frames"
+        return number_of(self.crop, "frame")
+
+    def starts(self, part: range) -> list[int]:
+        """Return the first frames of a trial's crops, in the order of `PLACES`.
+
+        Args:
+            part: Frames that crops are taken from, as many as one spans or more.
+        """
+        last = len(part) - self.span
+        return [part.start + at for at in (0, last // 2, last)][: self.places]
+
+    def between(self, part: range, count: int) -> list[int]:
         """Return the first frames of crops between the places, evenly apart.
 
         As many whatever a trial's length; none where a trial is one crop.
 
         Args:
-            frames: The trial's.
+            part: Frames that crops are taken from.
             count: How many, even: half of them before the middle crop.
         """
-        last, each = frames - self.crop, count // 2
+        last, each = len(part) - self.span, count // 2
         parts = [*range(1, each + 1), *range(each + 2, 2 * each + 2)]
-        return [last * at // (2 * each + 2) for at in parts] if self.places > 1 else []
+        starts = [part.start + last * at // (2 * each + 2) for at in parts]
+        return starts if self.places > 1 else []
 
     @property
     def every(self) -> int:
         """Frames after which a running trial is looked at again: half a crop."""
-        return max(1, self.crop // 2)
+        return max(1, self.span // 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +140,7 @@ class Scene:
     images: Sequence[Image]
     """Shape (height, width, 3) each, red first."""
     rate_hz: float
+    """Of these images, a second."""
     mm_per_px: float
     """Of a 320-pixel row."""
     network: network.Network | None = None
@@ -266,10 +291,20 @@ def _stills(scene: Scene) -> NDArray[np.float32]:
 
 def _look_of(image: Image) -> NDArray[np.float32]:
     grey = small_grey(image)
-    thumb = cv2.resize(grey.astype(np.float32), (THUMB[1], THUMB[0]), interpolation=cv2.INTER_AREA)
     colour = cv2.resize(image.astype(np.float32), (GRID[1], GRID[0]), interpolation=cv2.INTER_AREA)
-    found = np.concatenate([thumb.ravel(), _edges(grey), colour.ravel()])
+    found = np.concatenate([_thumb(grey), _edges(grey), colour.ravel()])
     return np.asarray(found, np.float32)
+
+
+def thumb_of(image: Image) -> NDArray[np.float32]:
+    """Return an image as the first-frame control sees it, 8×6 grey, shape (48,)."""
+    return _thumb(small_grey(image))
+
+
+def _thumb(grey: Image) -> NDArray[np.float32]:
+    size = THUMB[1], THUMB[0]
+    small = cv2.resize(grey.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    return np.asarray(small, np.float32).ravel()
 
 
 def _edges(grey: Image) -> NDArray[np.float32]:

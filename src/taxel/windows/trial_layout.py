@@ -16,7 +16,11 @@ from taxel.errors import BadInput
 from taxel.windows.trial_crops import LEAST_CROP, PLACES, Layout
 
 LONGEST_CROP: Final = 48
-"""Frames of a crop where all trials are longer: 2 s at 25 frames a second. Source: our choice,
+"""Images of a crop where all trials are longer: 2 s at 25 images a second. Source: our choice,
+docs/decisions/0041."""
+CROP_HZ: Final = 25.0
+"""Images a second of a crop: of faster cameras some are left out, as far as the shortest trial
+still fills a crop. All that is measured in a crop was made for it. Source: our choice,
 docs/decisions/0041."""
 BETWEEN: Final = 6, 2, 0
 """Crops between the places, even numbers, of which the most are taken that `MOST_CROPS` allow."""
@@ -30,12 +34,20 @@ MOST_SHIFTED: Final = 3000
 choice, docs/decisions/0041."""
 
 
-def choose_layout(lengths: Sequence[int], crop: int | None = None) -> Layout:
+def choose_layout(
+    lengths: Sequence[int],
+    crop: int | None = None,
+    *,
+    rate_hz: float = CROP_HZ,
+    moving: bool = True,
+) -> Layout:
     """Return crops that fit into the shortest trial.
 
     Args:
         lengths: Frames of each trial.
-        crop: Frames in a crop; the shortest trial's, `LONGEST_CROP` at most, unless given.
+        crop: Images in a crop; the shortest trial's frames, `LONGEST_CROP` at most, unless given.
+        rate_hz: Frames a second.
+        moving: Whether three crops are taken from the part in which something moves.
 
     Raises:
         BadInput: The crop asked for is too short or too long for a trial.
@@ -48,7 +60,10 @@ def choose_layout(lengths: Sequence[int], crop: int | None = None) -> Layout:
             "choose another, or leave it out",
         )  # fmt: skip
     chosen = crop or min(shortest, LONGEST_CROP)
-    return Layout(chosen, 1 if max(lengths) == chosen else len(PLACES))
+    if max(lengths) == chosen:
+        return Layout(chosen, 1)
+    step = max(1, min(round(rate_hz / CROP_HZ), shortest // chosen))
+    return Layout(chosen, len(PLACES), moving, step)
 
 
 def count_between(layout: Layout, trials: int) -> int:

@@ -109,7 +109,7 @@ class TrainTrials:
         classes = visible_names(ordered)
         say(
             f"{output}{replaced}: predicts {visible(trials.target)} ({classes}) from crops of "
-            f"{trials.layout.crop} frame{'s' * (trials.layout.crop > 1)}, trained on "
+            f"{trials.layout.words}, trained on "
             f"{number_of(about['learned_trials'], 'trial')}; bundle {about['bytes']:,} bytes, "
             f"equal to training within {about['parity']:.1e}"
         )

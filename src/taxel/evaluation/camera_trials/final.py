@@ -90,6 +90,8 @@ def fit_final(
         classes=trials.classes,
         crop=trials.layout.crop,
         places=trials.layout.places,
+        moving=trials.layout.moving,
+        step=trials.layout.step,
         views=views,
         versions=tuple(FAMILIES[name].key for name in views),
         cameras=trials.cameras,

@@ -101,7 +101,8 @@ def signal_auc(folder: Path, cache: Path, positive: str = "slip") -> SignalScore
         positive: The outcome that should rank high.
     """
     read = read_camera_trials(folder)
-    trials = load_trial_set(read, "outcome", cache, sight=Sight(views=("moves", "stills")))
+    sight = Sight(views=("moves", "stills"), moving=False)
+    trials = load_trial_set(read, "outcome", cache, sight=sight)
     y = (trials.y == trials.classes.index(positive)).astype(np.intp)
     objects = np.array([own["object"] for own in trials.groups])
     rate_hz = np.array([trial.rate_hz for trial in read])[trials.cut.trial]
