@@ -59,3 +59,14 @@ def test_a_recogniser_that_was_given_up_before_its_first_answer_is_not_waited_fo
     assert answers.newest() == []
     (shown,) = answers.newest({"monitor/0"})
     assert (shown["label"], shown["reason"]) == ("UNKNOWN", "the monitor has ended")
+
+
+def test_before_its_first_answer_a_recogniser_says_what_it_waits_for():
+    answers = Answers([{"target": "shape", "bundle": "a.taxel", "who": "monitor/0"}])
+    answers.wait({"who": "monitor/0", "text": "nothing above the gate of 1.55 V yet, 0.2 at most"})
+    (shown,) = answers.newest()
+    assert (shown["label"], shown["confidence"], shown["action"]) == ("", None, "")
+    assert shown["reason"] == "nothing above the gate of 1.55 V yet, 0.2 at most"
+    answers.add(note("monitor/0", "ball") | {"decided_s": 7.5})
+    (shown,) = answers.newest()
+    assert (shown["label"], shown["time_s"]) == ("ball", 7.5)

@@ -27,6 +27,7 @@ from taxel.decisions.reasons import kind_of
 from taxel.decisions.recognition import RecogniseConfig
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.decisions.still_channels import StillChannel
+from taxel.decisions.value_scale import OtherScale
 from taxel.errors import BadBundle
 from taxel.live.outages import Outage, OutageWatch
 from taxel.live.rate_watch import RateChange
@@ -47,6 +48,8 @@ _SETTLING_S = 1.0
 _AGAIN_S = 0.1
 """How often a state that no new frames give is sent again, seconds: its reason says how long, and
 a decision lives for 0.3 s. Source: our choice, docs/decisions/0030."""
+_WAITING_S = 1.0
+"""How often it is looked at what a first window waits for, seconds. Source: our choice."""
 _LOOK_S = 0.005
 """How often a silent input is looked at: its age makes the state UNKNOWN."""
 _Came = dict[str, float]
@@ -241,6 +244,7 @@ class _RecogniseWatcher:
         contract = bundle.contract
         self._vote = self._recogniser.new_vote()
         self._outages = OutageWatch(contract.window.max_gap_s)
+        self._waiting, self._waited_s = "", -math.inf
         self._target, self._padded = contract.target, contract.window.pad
         self._writer = writer
         self.what = {"kind": "answer", "who": self._who, "bundle": str(path),
@@ -260,6 +264,7 @@ class _RecogniseWatcher:
                 self._send(answer, times)
             self._say(self._recogniser.gate_moves())
             self._say(self._recogniser.still_channels())
+            self._say(self._recogniser.other_scales())
             self._say(self._recogniser.rate_changes())
 
     def end(self) -> None:
@@ -267,12 +272,20 @@ class _RecogniseWatcher:
         for answer in self._recogniser.flush():
             self._send(answer, {})
         self._say(self._recogniser.still_channels())
+        self._say(self._recogniser.other_scales())
+        if why := self._recogniser.untouched():
+            self._put_news(why)
 
-    def _say(self, news: Sequence[GateMove | StillChannel | Outage | RateChange]) -> None:
+    def _say(
+        self, news: Sequence[GateMove | StillChannel | Outage | OtherScale | RateChange]
+    ) -> None:
         """Send news of channels, for the log and the page."""
         for item in news:
-            text = f"{self._target}: {item.words()}"
-            self._writer.put(pack({"kind": "news", "who": self._who, "text": text}))
+            self._put_news(item.words())
+
+    def _put_news(self, words: str) -> None:
+        text = f"{self._target}: {words}"
+        self._writer.put(pack({"kind": "news", "who": self._who, "text": text}))
 
     def _send(self, answer: Answer, times: dict[str, float]) -> None:
         decision = answer.decision
@@ -294,7 +307,14 @@ class _RecogniseWatcher:
         """Nothing that anybody waits for."""
 
     def silent(self, now_s: float) -> None:
-        """A hand that touches nothing says nothing."""
+        """Say what the first window waits for; a hand that touches nothing says nothing."""
+        if now_s - self._waited_s < _WAITING_S:
+            return
+        self._waited_s = now_s
+        words = self._recogniser.waiting()
+        if words != self._waiting:
+            self._waiting = words
+            self._writer.put(pack({"kind": "waiting", "who": self._who, "text": words}))
 
 
 class _FixedHead:
