@@ -117,7 +117,7 @@ def score_bundle(bundle: Bundle, folder: Path, folds: Path | None = None) -> Bun
     contract = bundle.contract
     table = None if folds is None else read_fold_table(folds, to_score=True)
     window = replace(contract.window, reference=None)
-    dataset = load_dataset(folder, window, unusable=True, usual=contract.usual)
+    dataset = load_dataset(folder, window, unusable=True, usual=contract.followed_from)
     contract.check_sensor(dataset.sensor)
     if table is not None:
         dataset = _test_part(dataset, table, folder, contract.learned)

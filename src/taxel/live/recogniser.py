@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import inf
 from time import perf_counter
+from typing import Any
 
 from taxel.bundles.contract import MOST_JOINED, Contract
 from taxel.bundles.reader import Bundle
@@ -153,6 +154,25 @@ class Recogniser:
     def level(self) -> LevelNow | None:
         """Return where the session's level stands; None where levels are not followed."""
         return None if self._level is None else self._level.now()
+
+    def new_touch(self) -> None:
+        """End the touch whose level is measured, as where a person says that a new one begins."""
+        if self._level is not None:
+            self._level.over()
+
+    @property
+    def touches(self) -> int:
+        """How many touches have shown the session's level; 0 where levels are not followed."""
+        return 0 if self._level is None else self._level.touches
+
+    def level_state(self) -> dict[str, Any] | None:
+        """Return what another recogniser of this session goes on from; None where none follows."""
+        return None if self._level is None else self._level.state()
+
+    def resume_level(self, state: dict[str, Any]) -> None:
+        """Go on from where another recogniser's level stood."""
+        if self._level is not None:
+            self._level.resume(state)
 
     def rate_changes(self) -> list[RateChange]:
         """Return where rows began, since the last call, to come at another rate than in training,

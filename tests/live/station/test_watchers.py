@@ -284,6 +284,11 @@ class Recogniser:
     def waiting(self) -> str:
         return ""
 
+    def new_touch(self) -> None:
+        pass
+
+    touches = 0
+
     def new_vote(self) -> GraspVote:
         return GraspVote(("ball", "cube"), 0.5)
 

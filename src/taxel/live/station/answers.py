@@ -45,6 +45,9 @@ class Answers:
         }
         self._newest: dict[str, dict[str, Any]] = {}
         self._waiting: dict[str, str] = {}
+        self._level_words: dict[str, str] = {}
+        self.levels: dict[str, dict[str, Any]] = {}
+        """Recogniser → where its session's level stands, for a process that follows a dead one."""
 
     def add(self, note: dict[str, Any]) -> tuple[dict[str, Any], str]:
         """Take in one window's answer.
@@ -63,9 +66,12 @@ class Answers:
         news = f"{note['target']} {answer}: {note['action']}"
         return note, news if note["action"] not in ("", before) else ""
 
-    def wait(self, note: dict[str, Any]) -> None:
-        """Take in what a recogniser waits for that has not answered yet."""
-        self._waiting[note["who"]] = note["text"]
+    def keep(self, note: dict[str, Any]) -> None:
+        """Take in what a recogniser's first answer waits for, or where its level stands."""
+        if note["kind"] == "level":
+            self.levels[note["who"]], self._level_words[note["who"]] = note["state"], note["text"]
+        else:
+            self._waiting[note["who"]] = note["text"]
 
     def newest(self, given_up: Collection[str] = ()) -> list[dict[str, Any]]:
         """Return the newest answers as the page's link gives them.
@@ -90,7 +96,8 @@ class Answers:
         return [
             {**{key: recogniser[key] for key in ("target", "bundle", "who")},
              "windows": counts.total(), "answers": dict(counts.most_common()),
-             "actions": dict(self._actions[recogniser["who"]].most_common())}
+             "actions": dict(self._actions[recogniser["who"]].most_common()),
+             "level": self._level_words.get(recogniser["who"])}
             for recogniser, counts in zip(self._recognisers, self._counts.values(), strict=True)
         ]  # fmt: skip
 

@@ -340,8 +340,8 @@ class Station:
             self._recorder.keep_slip(note)
             self.skipped = max(self.skipped, int(note["skipped"]))
             self._report_late_cameras(note, now_s)
-        elif note["kind"] == "waiting":
-            self.answers.wait(note)
+        elif note["kind"] in ("waiting", "level"):
+            self.answers.keep(note)
         elif note["kind"] == "news":
             self.say(note["text"])
         else:
@@ -375,9 +375,9 @@ class Station:
         for monitor in wiring.monitors:
             for who in monitor.watchers:
                 self.guard.expect(who, now_s)
-        every = [entry for monitor in wiring.monitors for entry in monitor.bundles]
-        own = [entry for entry in every if entry["kind"] == "answer"]
+        own = [e for monitor in wiring.monitors for e in monitor.bundles if e["kind"] == "answer"]
         self.answers = Answers(own, self.config.rules)
+        wiring.levels = self.answers.levels
         stall_s = self.config.interlock.stall_s
         self.add_process(
             "alarm watch", watch, lambda place: AlarmWatch(place=place, stall_s=stall_s),
