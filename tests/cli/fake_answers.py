@@ -88,7 +88,8 @@ _SUMMARY = {
     "windows": 3, "filled": 1, "answers": {"cup": 3}, "marked": 2, "right": 1, "grasps": 1,
     "grasps_right": 1, "grasps_without": 0, "latency_us_median": 1.0,
     "latency_us_p99": 1.0, "target": "object", "gate_moves": [], "still_channels": [],
-    "actions": {}, "outages": [], "level": None, "rate_changes": [],
+    "actions": {}, "outages": [], "level": None, "rate_changes": [], "other_scales": [],
+    "untouched": "",
 }  # fmt: skip
 ATTRIBUTES: dict[str, Any] = {
     "measured": {},
@@ -122,7 +123,11 @@ ANSWERS: dict[str, Any] = {
     ),
     "run_session": lambda _, recognisers, *__: [
         SimpleNamespace(
-            summary=lambda: dict(_SUMMARY), still_channels=[], outages=[], rate_changes=[]
+            summary=lambda: dict(_SUMMARY),
+            still_channels=[],
+            outages=[],
+            rate_changes=[],
+            other_scales=[],
         )
         for _ in recognisers
     ],

@@ -106,6 +106,53 @@ def test_a_score_says_where_values_are_in_another_unit(
             ) == noted  # fmt: skip
 
 
+@pytest.mark.parametrize("gain", [1000.0, 3.0])
+def test_live_says_once_where_values_are_in_another_unit(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], gain: float
+) -> None:
+    """Eight recordings, each a stream of its own: still once."""
+    other = _set(tmp_path / "other", gain=gain)
+    capsys.readouterr()
+
+    main(["live", str(bundle), f"replay://{other}?speed=max", "--json"])
+    captured = capsys.readouterr()
+    main(["live", str(bundle), f"replay://{other}?speed=max"])
+    printed = " ".join(capsys.readouterr().out.split())
+
+    count = int(gain > 20)
+    (result,) = json.loads(captured.out)
+    words = "times as much within a window as in training: check whether they are in N"
+    assert [scale["share"] > 100 for scale in result["other_scales"]] == [True] * count
+    assert result["untouched"] == ""
+    assert captured.err.count(words) == count
+    assert printed.count(words) == count
+
+
+def test_live_says_at_the_end_where_nothing_changed_as_touch_does(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = _set(tmp_path / "other", gain=0.001)
+    capsys.readouterr()
+
+    main(["live", str(bundle), f"replay://{other}?speed=max"])
+    captured = capsys.readouterr()
+
+    assert "nothing was touched, or values are not in N" in " ".join(captured.out.split())
+    assert captured.err == ""
+
+
+def test_live_names_a_dead_channel_of_a_session_with_lower_gains(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quiet = _set(tmp_path / "quiet", dead=True, gain=0.15)
+    capsys.readouterr()
+
+    main(["live", str(bundle), f"replay://{quiet}?speed=max", "--json"])
+    captured = capsys.readouterr()
+
+    assert captured.err.count("channel 2 has not changed for ") == 1
+
+
 def test_a_bundle_keeps_how_its_channels_moved(bundle: Path) -> None:
     motion = read_bundle(bundle).contract.motion
 

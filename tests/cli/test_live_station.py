@@ -12,8 +12,10 @@ import pytest
 
 from taxel.actions.interlock import Interlock, InterlockConfig
 from taxel.bundles.shipped import CUP_POUR, find_bundle, shipped_bundle
-from taxel.cli.live.station import _still_to_arm
-from taxel.cli.live.station_screen import press
+from taxel.cli.live import station as station_verb
+from taxel.cli.live import station_screen
+from taxel.cli.live.station import StationOptions, _still_to_arm, live_station
+from taxel.cli.live.station_screen import EventLines, press
 from taxel.cli.live.summaries import print_station_summary
 from taxel.cli.main import main
 from taxel.errors import BadBundle, BadSource
@@ -125,6 +127,50 @@ def test_the_summary_says_what_it_counts_and_calls_nothing_recorded_that_failed(
     lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
     assert lines[0] == "monitor: 7 messages produced, 5 received, 2 lost"
     assert lines[1:] == ([error, line] if error else [line])
+
+
+def test_an_event_has_its_time_since_the_station_began(monkeypatch: pytest.MonkeyPatch):
+    """A hand's station has no first state: a fault after 40 s was printed at 0.00 s."""
+    printed: list[str] = []
+    monkeypatch.setattr(station_screen, "monotonic", lambda: 100.0)
+    lines = EventLines(SimpleNamespace(say=lambda text: printed.append(text.plain)))  # type: ignore[arg-type]
+    station = SimpleNamespace(events=[])
+    lines.print_new(station)  # type: ignore[arg-type]
+    station.events.append((1, 140.5, "shape: no usable values"))
+    lines.print_new(station)  # type: ignore[arg-type]
+    assert printed == ["   40.50 s  shape: no usable values"]
+
+
+def test_what_a_station_says_while_it_ends_is_printed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """That nothing was touched is known at the end alone, when the monitor's process ends."""
+
+    class Station:
+        def __init__(self, _: object) -> None:
+            self.events: list[tuple[int, float, str]] = []
+            self.wiring = SimpleNamespace(unwatched=(), watches=False)
+            self.failed, self.recording = "", {}
+
+        def __enter__(self) -> Station:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            self.close()
+
+        def run(self, *_: object) -> None:
+            pass
+
+        def close(self) -> None:
+            self.events = [(1, 5.0, "shape: nothing was touched")]
+
+    monkeypatch.setattr("taxel.live.station.station.Station", Station)
+    for name in ("_check", "_open_outputs", "print_station_summary", "station_summary"):
+        monkeypatch.setattr(station_verb, name, lambda *_: {})
+    monkeypatch.setattr(station_verb, "_open_actuators", lambda _: [])
+    monkeypatch.setattr(station_verb, "_station_config", lambda *_: None)
+    live_station(StationOptions(bundles=(), sources=(), seconds=1.0, least_confidence=0.5))
+    assert "0.00 s  shape: nothing was touched" in capsys.readouterr().out
 
 
 def test_who_disarms_before_it_could_be_armed_is_not_overruled_by_arm():

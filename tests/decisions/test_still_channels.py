@@ -14,6 +14,7 @@ from taxel.decisions.still_channels import (
     changed_words,
     longest_alike,
     looked_at,
+    loudest_of,
     motion_from_json,
     motion_to_json,
     ranges_of,
@@ -80,6 +81,25 @@ def test_no_channel_is_named_where_none_need_be_dead(windows: list[Windows]) -> 
     assert watched(windows, motion()) == []
 
 
+def test_a_channel_dead_from_the_start_is_named_at_lower_gains_too() -> None:
+    """Nothing moves as much as it must to count in training, 0.5, but half as much."""
+    weak = [window(n, (0.3, 0.0)) for n in range(50)]
+
+    assert watched(weak, motion()) == [("b", 3)]
+    assert watched([window(n, (0.2, 0.0)) for n in range(50)], motion()) == []
+
+
+def test_at_lower_gains_a_channel_that_moved_once_is_not_named() -> None:
+    """Of weak touch nobody knows how often a channel rests: only one that never moved is dead."""
+    assert watched([window(0, (0.3, 0.1)), *(window(n, (0.3, 0.0)) for n in range(1, 50))],
+                   motion()) == []  # fmt: skip
+
+
+def test_a_channel_dead_from_the_start_is_dead_since_the_first_window() -> None:
+    found = first_found([window(n, (0.3, 0.0)) for n in range(9)], motion())
+    assert (found.windows, found.still_s) == (3, pytest.approx(0.29))
+
+
 def test_padding_is_no_change() -> None:
     values = np.array([[[1.0], [2.0], [0.0]]], np.float32)
 
@@ -108,6 +128,16 @@ def test_training_of_as_many_windows_as_json_counts_exactly_is_read() -> None:
     for bad in (0, 2**53 + 1):
         with pytest.raises(ValueError, match="windows"):
             motion_from_json(Fields(data | {"windows": bad}, "motion"), 2)
+
+
+def test_the_loudest_window_is_that_of_the_middle_channel_without_the_hundredth_part() -> None:
+    ranges = np.ones((200, 3)) * np.array([1.0, 4.0, 9.0])
+    ranges[:1, :2] *= 500.0
+    assert loudest_of(ranges, np.array([1.0, 2.0, 0.0])) == pytest.approx(1.5)
+    kept = replace(motion(), loudest=1.5, longest=3)
+    again = motion_from_json(Fields(motion_to_json(kept), "motion"), 2)
+    assert (again.loudest, again.longest) == (1.5, 3)
+    assert motion_from_json(Fields(motion_to_json(motion()), "motion"), 2).loudest is None
 
 
 def test_the_figures_survive_json_and_damaged_ones_are_refused() -> None:

@@ -3,6 +3,7 @@
 import json
 import time
 
+import numpy as np
 import pytest
 from chromium import WORD
 from page_station import STATES, SimStation
@@ -61,6 +62,7 @@ def test_each_state_differs_in_word_sign_and_pattern_not_in_colour_alone(
         ([{"target": "shape", "label": "sphere"}], "SPHERE"),
         ([{"target": "shape", "label": "UNKNOWN"}], "UNKNOWN"),
         ([], "NO ANSWER YET"),
+        ([{"target": "shape", "label": "", "reason": "nothing above the gate"}], "NO ANSWER YET"),
     ],
 )
 def test_where_no_monitor_runs_the_large_word_is_the_first_answer(browser, opened, answers, word):
@@ -70,6 +72,84 @@ def test_where_no_monitor_runs_the_large_word_is_the_first_answer(browser, opene
         return [state.shown(fresh, {snapshot}, 1).word, state.evidence({snapshot}).name];
     }})"""
     assert browser.ask(shown) == [word, "Events"]
+
+
+def test_it_says_what_a_first_answer_waits_for_and_how_old_an_answer_is(browser, opened):
+    snapshot = json.dumps(
+        {
+            "state": "NONE",
+            "answers": [
+                {"target": "shape", "label": "", "reason": "nothing above the gate of 1.55 V yet"}
+            ],
+        }
+    )
+    shown = f"""import("/static/state.js").then((state) => {{
+        const fresh = Object.assign(new state.Freshness(), {{ connected: true, movedMs: 0 }});
+        const ages = [10.9, 13.2, 75].map((now) => state.ageWords({{ time_s: 10 }}, now));
+        return [state.shown(fresh, {snapshot}, 1).reason, ...ages, state.ageWords({{}}, 5)];
+    }})"""
+    assert browser.ask(shown) == [
+        "shape; nothing above the gate of 1.55 V yet",
+        "",
+        "3 s ago",
+        "1:05 min ago",
+        "",
+    ]
+
+
+def test_values_that_stopped_coming_are_not_shown_as_the_present(browser, opened, station):
+    """A board's process hung: the hand went on to show its last touch under "Hand now"."""
+    note = "document.getElementById('touchnote').textContent"
+    browser.until(f"{note} === 'NO VALUES YET'")
+    came = station._scans
+    came.append((time.monotonic(), np.full(2, 1.0)))
+    browser.until(f"{note} === ''")
+    browser.until(f"/^NO NEW VALUES FOR [0-9.]+ s$/.test({note})", within_s=3)
+    assert browser.ask("document.getElementById('touch').className") == "row silent"
+
+
+def test_an_alarm_is_said_once_to_a_screen_reader_and_pictures_have_names(browser, opened, station):
+    station.become("WARNING")
+    heard = "document.getElementById('heard').textContent"
+    browser.until(f"{heard} === 'Warning: the grasp may be slipping: look at the cup'")
+    named = "[...document.querySelectorAll('canvas[role=img]')].every(c => c.ariaLabel)"
+    assert browser.ask(named)
+    browser.ask("document.getElementById('heard').textContent = ''")
+    browser.until("!document.querySelector('#alarmlist .note').textContent.startsWith('0.')")
+    assert browser.ask(heard) == ""
+    station.acknowledge()
+    browser.until("document.getElementById('acknowledge').disabled")
+
+
+def test_the_newest_of_many_alarms_and_the_button_stay_in_sight(browser, opened, station):
+    """A list that was centred in its field could not be scrolled to its first line."""
+    now = time.monotonic()
+    station.alarms = [
+        {"kind": f"k{i}", "text": f"alarm {i}: " + "a reason of some length " * 3,
+         "level": "danger", "since_s": now, "acknowledged": False} for i in range(8)
+    ]  # fmt: skip
+    browser.until("document.querySelectorAll('#alarmlist li').length === 8")
+    inside = """(() => { const box = (id) => document.querySelector(id).getBoundingClientRect();
+        const field = box('#alarms'), first = box('#alarmlist li'), button = box('#acknowledge');
+        return [first.top >= field.top, button.bottom <= field.bottom]; })()"""
+    assert browser.ask(inside) == [True, True]
+    station.alarms = []
+    browser.until("document.querySelectorAll('#alarmlist li').length === 0")
+
+
+def test_on_a_phone_no_word_is_cut_off_or_covered(browser, opened, station):
+    station.become("UNSTABLE")
+    whole = """(() => { const box = (id) => document.querySelector(id).getBoundingClientRect();
+        const cut = [...document.querySelectorAll('#alarms, .plot h2, #gripper')]
+            .filter((e) => e.clientHeight && (e.scrollWidth > e.clientWidth + 1)).map((e) => e.id);
+        const list = box('#alarmlist'), button = box('#acknowledge');
+        return [cut, list.bottom <= button.top, document.documentElement.scrollWidth]; })()"""
+    try:
+        browser.size(390, 844)
+        browser.until("document.querySelectorAll('#alarmlist li').length > 0")
+        assert browser.ask(whole) == [[], True, 390]
+    finally:
+        browser.size(1280, 720)
 
 
 def test_an_unknown_and_a_pause_say_why_and_for_how_long(browser, opened, station):
@@ -139,6 +219,7 @@ def test_a_server_that_is_gone_is_no_connection_never_the_last_state(browser, st
         browser.open(server.url)
         browser.until(f"{WORD} === 'STABLE'")
     browser.until(f"{WORD} === 'NO CONNECTION'", within_s=3)
+    browser.until("document.getElementById('reason').textContent === 'the station has ended'")
     assert browser.ask("getComputedStyle(document.getElementById('probability')).opacity") == "0.32"
     browser.open("about:blank")
 

@@ -86,6 +86,22 @@ def test_the_words_can_be_read_from_two_metres(browser, opened, station, size):
         browser.size(1280, 720)
 
 
+def test_on_a_phone_the_reason_is_read_to_its_end(browser, opened, station):
+    """It stood beside the word, and ended after three letters."""
+    browser.size(390, 844)
+    try:
+        station.do = {"word": "PUT DOWN", "why": "the grasp slips: stop, and put it down"}
+        browser.until(f"{DO} === 'PUT DOWN'")
+        whole = """(() => { const why = document.getElementById('dowhy');
+            const box = why.getBoundingClientRect();
+            const field = document.getElementById('dofield').getBoundingClientRect();
+            return why.scrollHeight <= why.clientHeight + 1 && box.right <= field.right
+                && box.bottom <= field.bottom; })()"""
+        browser.until(whole)
+    finally:
+        browser.size(1280, 720)
+
+
 def test_keys_and_buttons_log_what_the_person_did(browser, opened, station):
     browser.until("!document.getElementById('person').hidden")
     for key in "spghlx":

@@ -1,5 +1,6 @@
 """Claims about levels that follow: what a session's earlier touches do to the next one."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from taxel.windows.level_follow import (
     LevelFollow,
     LevelFollower,
     UsualLevel,
+    WatchedLevel,
     factor_of,
     followed_factors,
     mean_squares,
@@ -204,6 +206,34 @@ def test_live_padding_and_windows_that_cannot_be_used_change_no_level() -> None:
 
     assert follower.now().touches == 1
     assert follower.factor.tolist() == pytest.approx(factors([[2.0, 4.0]] * 2, "aa")[1].tolist())
+
+
+def test_a_follower_goes_on_from_anothers_state() -> None:
+    first, second = (LevelFollower(USUAL, FOLLOW.touches, 0.8, None) for _ in range(2))
+    for start in (0.0, 2.0):
+        window = replace(windows([[2.0, 4.0]]), start_s=np.array([start]))
+        first.begin(window)
+        first.add(window)
+    first.over()
+    second.resume(json.loads(json.dumps(first.state())))
+
+    assert second.now() == first.now()
+    assert second.factor.tolist() == first.factor.tolist()
+    assert second.state() == first.state()
+    with pytest.raises(ValueError, match="a level of 1 channels for 2"):
+        second.resume({"level": [1.0], "weight": 1.0, "touches": 0})
+
+
+def test_windows_of_an_array_that_hangs_show_no_level_in_recordings_as_live() -> None:
+    """Of three touches the second is of one scan that is sent again and again."""
+    levels = [[2.0, 4.0], [9.0, 9.0], [3.0, 1.0]]
+    hung = WatchedLevel(usual=USUAL, hung=lambda rows: bool(rows[0, 0] == 9.0))
+    own = windows(levels)
+    found = followed_factors(own, np.arange(3), trials("aaa"), FOLLOW, hung).tested
+    known = followed_factors(own[np.array([0, 2])], np.arange(2), trials("aa"), FOLLOW, USUAL)
+
+    assert np.allclose(found[[0, 2]], known.tested)
+    assert not np.allclose(found[2], 1.0)
 
 
 def test_live_rest_between_touches_changes_nothing() -> None:

@@ -26,7 +26,7 @@ from taxel.foreign.records import record_of
 from taxel.plain_text import number_of
 from taxel.signals import SensorInfo
 from taxel.windows.config import MOST_RATE_CHANGE, WindowConfig
-from taxel.windows.level_follow import UsualLevel, parse_level_follow
+from taxel.windows.level_follow import KnownLevel, UsualLevel, WatchedLevel, parse_level_follow
 from taxel.windows.reference import Reference
 from taxel.windows.scaling import Scaling, ScalingKind
 
@@ -98,6 +98,13 @@ class Contract:
         if self.window.gate is not None:
             return None
         return min(self.trial_windows or MOST_JOINED, MOST_JOINED)
+
+    @property
+    def followed_from(self) -> KnownLevel | None:
+        """The level that sessions are followed from, beside which a hung array shows none."""
+        if self.usual is None or self.motion is None:
+            return self.usual
+        return WatchedLevel(usual=self.usual, hung=self.motion.frozen)
 
     def check_sensor(self, sensor: SensorInfo) -> None:
         """Refuse a sensor that this bundle was not made for.

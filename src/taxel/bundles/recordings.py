@@ -40,7 +40,7 @@ def load_at_level(
         BadRecording: A recording is damaged.
     """
     window = contract.window if touches is None else replace(contract.window, reference=None)
-    dataset = load_dataset(path, window, target=target, usual=contract.usual)
+    dataset = load_dataset(path, window, target=target, usual=contract.followed_from)
     contract.check_sensor(dataset.sensor)
     own = dataset.reference.level if dataset.reference is not None else None
     level = own if touches is None else touches.level

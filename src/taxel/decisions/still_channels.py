@@ -37,6 +37,13 @@ FROZEN = 3
 Source: our choice, docs/decisions/0010."""
 FEWEST_ROWS = 100
 """Of fewer rows nobody can say how long they may be alike. Source: our choice, 0010."""
+LOWER_GAIN = 2.0
+"""By so much may a day's gains be lower than in training before its windows count as rest, when
+channels are looked for that have not changed at all. Source: our choice, docs/decisions/0010."""
+_LOUDEST = 99.0
+"""Percentile of the windows that are not louder. Source: our choice, docs/decisions/0010."""
+_MORE = ("longest", "loudest")
+"""Figures that older bundles lack."""
 _NEVER = np.iinfo(np.int64).max
 
 
@@ -64,6 +71,9 @@ class Motion:
     longest: int | None = None
     """How many successive rows of a window were alike in all channels at most, 1 where none was
     like the one before; None where that is not known, as in older bundles."""
+    loudest: float | None = None
+    """How much the channels of a window change at most, as `loudest_of` gives it: a multiple of
+    `usual`; None where that is not known, as in older bundles."""
 
     def at_level(self, old: NDArray[np.float32], new: NDArray[np.float32]) -> Motion:
         """Return the figures for reference touches of another level, shape (channels,)."""
@@ -140,7 +150,8 @@ class StillWatch:
     """Counts, for each channel, the windows in a row in which it did not change.
 
     Windows that overlap the last one counted, that hold one row only, or in which nothing moves as
-    in training are left out.
+    in training are left out. Of a channel that has not changed at all yet, windows with half of
+    that motion count too: the gains of a day may be lower.
 
     Args:
         motion: What was usual in training.
@@ -153,29 +164,42 @@ class StillWatch:
         self._no_change = (motion.usual * NO_CHANGE).astype(np.float32)
         moving = np.where(motion.usual > 0, motion.least * motion.usual, inf)
         self._moving = moving.astype(np.float32)
+        self._moving_less = (moving / LOWER_GAIN).astype(np.float32)
+        self._never = np.ones(len(channels), np.bool_)
+        self._never_count, self._first_s = 0, 0.0
         self._count = np.zeros(len(channels), np.int64)
         self._since_s = np.zeros(len(channels))
         self._counting = False
         self._start_s = self._end_s = -inf
         self._found: list[StillChannel] = []
 
-    def look(self, window: Windows) -> None:
-        """Take in one window, shape (1, steps, channels), in the order of time."""
+    def look(self, window: Windows) -> NDArray[np.float32] | None:
+        """Take in one window, shape (1, steps, channels), in the order of time.
+
+        Returns:
+            How much each channel changes in it, shape (channels,); None of a window left out as it
+            overlaps the last one or holds one row only.
+        """
         start_s = float(window.start_s[0])
         if self._start_s <= start_s <= self._end_s:
-            return
+            return None
         rows = window.values[0]
         if not window.mask.all():
             rows = rows[window.mask[0]]
         if len(rows) < 2:
-            return
+            return None
         if start_s < self._start_s:  # a clock was set
-            self._count[:] = 0
+            self._count[:] = self._never_count = 0
+        if not self._never_count:
+            self._first_s = start_s
         self._start_s, self._end_s = start_s, float(window.end_s[0])
         moved = rows.max(axis=0) - rows.min(axis=0)
         still = moved <= self._no_change
         if self._counting or still.any():
             self._tally(window, moved, still, start_s)
+        else:
+            self._never[:] = False
+        return np.asarray(moved)
 
     def take(self) -> list[StillChannel]:
         """Return the channels found since the last call; each is found once."""
@@ -192,24 +216,29 @@ class StillWatch:
         start_s: float,
     ) -> None:
         self._count[~still] = 0
+        self._never &= still
         self._counting = bool(self._count.any())
-        if not (moved >= self._moving).any():
+        if not (moved >= self._moving_less).any():
             return
-        self._since_s[still & (self._count == 0)] = start_s
-        self._count += still
-        self._counting = True
-        due = self._count >= self._needed
+        self._never_count += 1
+        if (moved >= self._moving).any():
+            self._since_s[still & (self._count == 0)] = start_s
+            self._count += still
+            self._counting = True
+        count = np.where(self._never, self._never_count, self._count)
+        due = count >= self._needed
         if due.any():
-            self._report(np.flatnonzero(due), bool(window.usable[0] >= 1.0))
+            self._report(np.flatnonzero(due), count, bool(window.usable[0] >= 1.0))
 
-    def _report(self, due: NDArray[np.intp], usable: bool) -> None:
+    def _report(self, due: NDArray[np.intp], count: NDArray[np.int64], usable: bool) -> None:
         for index in due:
+            since_s = self._first_s if self._never[index] else float(self._since_s[index])
             self._needed[index] = _NEVER
             self._found.append(
                 StillChannel(
                     time_s=self._end_s, channel=self._channels[index],
-                    still_s=self._end_s - float(self._since_s[index]),
-                    windows=int(self._count[index]), usable=usable,
+                    still_s=self._end_s - since_s,
+                    windows=int(count[index]), usable=usable,
                     changed=1.0 - float(self._motion.still[index]),
                 )
             )  # fmt: skip
@@ -250,6 +279,20 @@ def longest_alike(
     return 1 + int(longest.max())
 
 
+def loudest_of(ranges: NDArray[np.floating], usual: NDArray[np.float64]) -> float:
+    """Return how much the middle channel of a window changes, in all windows but one of a hundred.
+
+    Args:
+        ranges: Of each channel within each window, as `ranges_of` gives them.
+        usual: Shape (channels,): as in `Motion`, not all 0.
+
+    Returns:
+        A multiple of what is usual.
+    """
+    known = usual > 0
+    return float(np.percentile(np.median(ranges[:, known] / usual[known], axis=1), _LOUDEST))
+
+
 def looked_at(windows: Windows, trial: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return the windows of two rows or more that overlap no other of their trial, by time.
 
@@ -276,8 +319,8 @@ def changed_words(changed: float) -> str:
 def motion_to_json(motion: Motion) -> dict[str, Any]:
     """Return the figures as JSON holds them."""
     arrays = {name: getattr(motion, name).tolist() for name in ("usual", "still", "worst", "again")}
-    longest = {} if motion.longest is None else {"longest": motion.longest}
-    return {"windows": motion.windows, "least": motion.least, **arrays, **longest}
+    more = {name: getattr(motion, name) for name in _MORE if getattr(motion, name) is not None}
+    return {"windows": motion.windows, "least": motion.least, **arrays, **more}
 
 
 def motion_from_json(given: Fields, channels: int) -> Motion:
@@ -291,7 +334,7 @@ def motion_from_json(given: Fields, channels: int) -> Motion:
         ValueError: A field is missing, unknown, or of another kind, length or range.
     """
     known = {"windows", "least", "usual", "still", "worst", "again"}
-    given.only(known | {"longest"} if "longest" in given else known)
+    given.only(known | {name for name in _MORE if name in given})
     usual, still, worst, again = (
         given.array(name, (channels,)) for name in ("usual", "still", "worst", "again")
     )
@@ -308,4 +351,5 @@ def motion_from_json(given: Fields, channels: int) -> Motion:
         worst=worst,
         again=again,
         longest=given.count("longest", 1, 2**53) if "longest" in given else None,
+        loudest=given.number("loudest", 0.0) if "loudest" in given else None,
     )

@@ -26,7 +26,14 @@ from taxel.decisions.recognition import (
     RecogniseConfig,
     decide,
 )
-from taxel.decisions.still_channels import CHANCE_ONCE, changed_words, looked_at, ranges_of
+from taxel.decisions.still_channels import (
+    CHANCE_ONCE,
+    LOWER_GAIN,
+    changed_words,
+    looked_at,
+    ranges_of,
+)
+from taxel.decisions.value_scale import OTHER_SCALE, scale_words
 from taxel.evaluation.fold_table import FoldTable, read_fold_table
 from taxel.evaluation.metrics import accuracy_interval, cross_entropy
 from taxel.evaluation.part_scores import Parts, score_parts
@@ -34,18 +41,11 @@ from taxel.evaluation.run_scores import reliability
 from taxel.evaluation.table_split import idle_note, rows_in_no_trial, trials_to_score
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import coarsest_group, lone_group
-from taxel.plain_text import number_of, visible
+from taxel.plain_text import number_of
 from taxel.recordings.reader import list_recordings
 from taxel.windows.dataset import LABEL_THEM, Dataset, load_dataset, only_labelled
 from taxel.windows.windower import Windows
 
-_LOWER_GAIN = 2.0
-"""By so much may a day's gains be lower than in training before its windows count as rest, when
-channels are looked for that never change. Source: our choice, docs/decisions/0010."""
-_OTHER_SCALE = 20.0
-"""Times by which values may change more or less than in training; wrong prefixes of units are 1000
-times, and gains of other days or pads hardly ever more than 5. Source: our choice,
-docs/decisions/0010."""
 _BATCH = 256
 """Windows that the model is given at once. Source: our choice."""
 
@@ -117,7 +117,7 @@ def score_bundle(bundle: Bundle, folder: Path, folds: Path | None = None) -> Bun
     contract = bundle.contract
     table = None if folds is None else read_fold_table(folds, to_score=True)
     window = replace(contract.window, reference=None)
-    dataset = load_dataset(folder, window, unusable=True, usual=contract.usual)
+    dataset = load_dataset(folder, window, unusable=True, usual=contract.followed_from)
     contract.check_sensor(dataset.sensor)
     if table is not None:
         dataset = _test_part(dataset, table, folder, contract.learned)
@@ -221,7 +221,7 @@ def _still_notes(contract: Contract, dataset: Dataset) -> list[str]:
     if motion is None:
         return []
     ranges = ranges_of(windows.values, windows.mask)
-    count = motion.moving(_LOWER_GAIN * ranges[looked_at(windows, dataset.trial)]).sum()
+    count = motion.moving(LOWER_GAIN * ranges[looked_at(windows, dataset.trial)]).sum()
     never = motion.unchanged(ranges).all(axis=0) & (motion.needed(CHANCE_ONCE) <= count)
     return [
         f"channel {contract.channels[index]} never changes in these recordings; "
@@ -241,12 +241,9 @@ def _scale_note(contract: Contract, dataset: Dataset) -> list[str]:
     known = motion.usual > 0
     ranges = ranges_of(windows.values, windows.mask)[:, known]
     share = float(np.median(np.median(ranges, axis=0) / motion.usual[known]))
-    if share == 0.0 or 1.0 / _OTHER_SCALE <= share <= _OTHER_SCALE:
+    if share == 0.0 or 1.0 / OTHER_SCALE <= share <= OTHER_SCALE:
         return []
-    return [
-        f"values change {share:.3g} times as much within a window as in training: check whether "
-        f"they are in {visible(contract.units[0])}, and the unit in the import table"
-    ]
+    return [scale_words(share, contract.units[0])]
 
 
 def _votes(bundle: Bundle, dataset: Dataset, decisions: list[Decision]) -> NDArray[np.str_]:

@@ -38,7 +38,7 @@ def predictions_on(run: Run, folder: Path) -> tuple[Predictions, tuple[str, ...]
         raise BadInput("a run with weights to test on other recordings", "one without",
                        "write it with: taxel train")  # fmt: skip
     window = replace(contract.window, reference=None)
-    dataset = load_dataset(folder, window, usual=contract.usual)
+    dataset = load_dataset(folder, window, usual=contract.followed_from)
     contract.check_sensor(dataset.sensor)
     dataset = only_labelled(dataset, contract.target, folder, f"{LABEL_THEM}; or test on others")
     for name, own in dataset.fingerprints.items():

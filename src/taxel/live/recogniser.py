@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import inf
 from time import perf_counter
+from typing import Any
 
 from taxel.bundles.contract import MOST_JOINED, Contract
 from taxel.bundles.reader import Bundle
@@ -20,6 +21,7 @@ from taxel.decisions.recognition import (
     decide,
 )
 from taxel.decisions.still_channels import StillChannel, StillWatch
+from taxel.decisions.value_scale import OtherScale, ScaleWatch
 from taxel.live.rate_watch import RateChange, RateWatch
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.following import GateMove
@@ -55,6 +57,7 @@ class Recogniser:
         config: When an answer may be given.
         follower: What follows the level of a session that went on before; a new one unless given,
             where the bundle's levels follow.
+        scale: What watched the values of the recordings before; a new one unless given.
 
     Raises:
         BadBundle: The bundle was not made for such an array.
@@ -66,6 +69,7 @@ class Recogniser:
         sensor: SensorInfo,
         config: RecogniseConfig | None = None,
         follower: LevelFollower | None = None,
+        scale: ScaleWatch | None = None,
     ) -> None:
         bundle.contract.check_sensor(sensor)
         self.bundle = bundle
@@ -74,6 +78,8 @@ class Recogniser:
         self._windower = Windower(window, sensor)
         motion = bundle.contract.motion
         self._still = None if motion is None else StillWatch(motion, bundle.contract.channels)
+        self._scale = scale or scale_watch_of(bundle.contract)
+        self._columns = sensor.indices(bundle.contract.channels)
         own = window.grid_hz is None and window.steps > 1 and bundle.contract.rate_hz > 0
         self._rate = RateWatch(bundle.contract.rate_hz) if own else None
         self._level = follower or follower_of(bundle.contract)
@@ -116,6 +122,9 @@ class Recogniser:
             self._missing, self._grown_s = missing, perf_counter()
         if self._rate is not None:
             self._rate.look(samples)
+        if self._scale.waits and len(samples):
+            own = samples.only(self._columns)
+            self._scale.wait(own.values[own.usable])
         return answers
 
     def gate_moves(self) -> list[GateMove]:
@@ -128,9 +137,42 @@ class Recogniser:
         """
         return [] if self._still is None else self._still.take()
 
+    def other_scales(self) -> list[OtherScale]:
+        """Return where values changed so much more than in training, since the last call, that
+        their unit is another; found once.
+        """
+        return self._scale.take()
+
+    def waiting(self) -> str:
+        """Return what the first window waits for; empty once it has come, or without a gate."""
+        return self._scale.waiting()
+
+    def untouched(self) -> str:
+        """Return that nothing changed as touch does so far; empty where something did."""
+        return self._scale.untouched()
+
     def level(self) -> LevelNow | None:
         """Return where the session's level stands; None where levels are not followed."""
         return None if self._level is None else self._level.now()
+
+    def new_touch(self) -> None:
+        """End the touch whose level is measured, as where a person says that a new one begins."""
+        if self._level is not None:
+            self._level.over()
+
+    @property
+    def touches(self) -> int:
+        """How many touches have shown the session's level; 0 where levels are not followed."""
+        return 0 if self._level is None else self._level.touches
+
+    def level_state(self) -> dict[str, Any] | None:
+        """Return what another recogniser of this session goes on from; None where none follows."""
+        return None if self._level is None else self._level.state()
+
+    def resume_level(self, state: dict[str, Any]) -> None:
+        """Go on from where another recogniser's level stood."""
+        if self._level is not None:
+            self._level.resume(state)
 
     def rate_changes(self) -> list[RateChange]:
         """Return where rows began, since the last call, to come at another rate than in training,
@@ -146,9 +188,9 @@ class Recogniser:
     def _watched(self, windows: Windows, started: float) -> list[Answer]:
         """Return the answers of windows that really came, and look for channels that stopped."""
         answers = self._answers(windows, started, self._level)
-        if self._still is not None:
-            for answer in answers:
-                self._still.look(answer.window)
+        for answer in answers:
+            moved = None if self._still is None else self._still.look(answer.window)
+            self._scale.look(moved, answer.decision.end_s)
         return answers
 
     def _answers(
@@ -180,6 +222,13 @@ class Recogniser:
             if learning is not None and not quality.frozen:
                 learning.add(measured)
         return answers
+
+
+def scale_watch_of(contract: Contract) -> ScaleWatch:
+    """Return what looks whether values change about as much as those that a bundle learned."""
+    window = contract.window
+    asis = window.gate_follow_s is None and window.subtract is None
+    return ScaleWatch(contract.motion, contract.units[0], window.gate if asis else None)
 
 
 def follower_of(contract: Contract) -> LevelFollower | None:

@@ -16,6 +16,7 @@ import numpy as np
 from taxel.actions.rule_table import RuleTable
 from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote
 from taxel.decisions.still_channels import StillChannel
+from taxel.decisions.value_scale import OtherScale
 from taxel.labels.joined import joined_label
 from taxel.live.outages import Outage, OutageWatch
 from taxel.live.rate_watch import RateChange
@@ -63,6 +64,10 @@ class Tally:
     """How the contact gate was moved, oldest first; the last `_KEPT_ANSWERS`."""
     still_channels: list[StillChannel] = field(default_factory=list)
     """Channels that have stopped changing, once each, in the order in which they were noticed."""
+    other_scales: list[OtherScale] = field(default_factory=list)
+    """Where values changed far more than in training, as in another unit: once at most."""
+    untouched: str = ""
+    """In words that nothing changed as touch does until the end; empty where something did."""
     rate_changes: list[RateChange] = field(default_factory=list)
     """Where rows came at another rate than in training, oldest first; the last `_KEPT_ANSWERS`."""
     outages: list[Outage] = field(default_factory=list)
@@ -102,6 +107,10 @@ class Tally:
         """Keep which channels have stopped changing; one that is known is not kept again."""
         known = {still.channel for still in self.still_channels}
         self.still_channels += [still for still in channels if still.channel not in known]
+
+    def note_scales(self, scales: Sequence[OtherScale]) -> None:
+        """Keep that values change far more than in training; the first time is enough."""
+        self.other_scales += scales[: 1 - len(self.other_scales)]
 
     def note_rates(self, changes: Sequence[RateChange]) -> None:
         """Keep where rows began to come at another rate."""
@@ -170,6 +179,8 @@ class Tally:
         del self.latencies_s[:-_KEPT_LATENCIES]
         self.note(other.gate_moves)
         self.note_still(other.still_channels)
+        self.note_scales(other.other_scales)
+        self.untouched = other.untouched  # of all recordings so far
         self.note_rates(other.rate_changes)
         self.outages += other.outages
         del self.outages[:-_KEPT_ANSWERS]
@@ -194,6 +205,10 @@ class Tally:
             "still_channels": [
                 asdict(still) | {"text": still.words()} for still in self.still_channels
             ],
+            "other_scales": [
+                asdict(scale) | {"text": scale.words()} for scale in self.other_scales
+            ],
+            "untouched": self.untouched,
             "rate_changes": [
                 asdict(change) | {"text": change.words()} for change in self.rate_changes
             ],
@@ -265,6 +280,7 @@ def run_session(
                 tally.add(answer)
             tally.note(recogniser.gate_moves())
             tally.note_still(recogniser.still_channels())
+            tally.note_scales(recogniser.other_scales())
             tally.note_rates(recogniser.rate_changes())
         _compare(source, tallies, end_s)
         if show is not None:
@@ -273,6 +289,8 @@ def run_session(
         for answer in recogniser.flush():
             tally.add(answer)
         tally.note_still(recogniser.still_channels())
+        tally.note_scales(recogniser.other_scales())
+        tally.untouched = recogniser.untouched()
         tally.level = recogniser.level()
     _compare(source, tallies, end_s)
     for tally in tallies:

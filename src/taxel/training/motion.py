@@ -10,7 +10,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.decisions.still_channels import NO_CHANGE, Motion, longest_alike, looked_at, ranges_of
+from taxel.decisions.still_channels import (
+    NO_CHANGE,
+    Motion,
+    longest_alike,
+    looked_at,
+    loudest_of,
+    ranges_of,
+)
 from taxel.windows.dataset import Dataset
 
 _QUIETEST = 25.0
@@ -52,6 +59,7 @@ def measure_motion(dataset: Dataset, target: str) -> Motion | None:
         worst=worst,
         again=np.maximum(again, worst),
         longest=longest_alike(windows.values, windows.mask, usual),
+        loudest=loudest_of(ranges, usual),
     )
 
 

@@ -46,6 +46,7 @@ class LiveView:
     ) -> None:
         self._info = info
         self._newtons = newtons
+        self._recognisers = recognisers
         self._contracts = [recogniser.bundle.contract for recogniser in recognisers]
         self._live = Live(console=console, auto_refresh=False)
         self._drawn_s = -np.inf
@@ -92,7 +93,9 @@ class LiveView:
         contract, latest = self._contracts[index], tally.latest
         lines = Text()
         if latest is None:
-            lines.append(f"{visible(contract.target)}: waiting for contact", style="dim")
+            why = self._recognisers[index].waiting()
+            words = f"waiting for contact{': ' if why else ''}{why}"
+            lines.append(f"{visible(contract.target)}: {words}", style="dim")
             return lines
         label, confidence = tally.grasp_answer
         sure = latest.decision.label != UNKNOWN
@@ -115,6 +118,8 @@ class LiveView:
             lines.append(f"  {visible_line(tally.outages[-1].words())}\n", style="bold red")
         if tally.rate_changes and not tally.rate_changes[-1].fits:
             lines.append(f"  {visible_line(tally.rate_changes[-1].words())}\n", style="bold yellow")
+        for scale in tally.other_scales:
+            lines.append(f"  {visible_line(scale.words())}\n", style="bold yellow")
         for still in tally.still_channels:
             lines.append(f"  {visible_line(still.words())}\n", style="bold yellow")
         lines.append(

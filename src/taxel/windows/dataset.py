@@ -36,7 +36,7 @@ from taxel.windows.checks import (
     too_old,
 )
 from taxel.windows.config import WindowConfig
-from taxel.windows.level_follow import UsualLevel, followed_factors, parse_level_follow
+from taxel.windows.level_follow import KnownLevel, UsualLevel, followed_factors, parse_level_follow
 from taxel.windows.rates import fit_age, fit_gap, rates_note, rates_of
 from taxel.windows.reference import Reference, brought_to_level
 from taxel.windows.stretches import owners_of, whole_stretches
@@ -177,7 +177,7 @@ def load_dataset(
     target: str | None = None,
     where: Mapping[str, str] | None = None,
     unusable: bool = False,
-    usual: UsualLevel | None = None,
+    usual: KnownLevel | None = None,
 ) -> Dataset:
     """Cut all recordings of a folder, or one recording, into windows.
 
@@ -334,7 +334,7 @@ def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
     )
 
 
-def follow_levels(dataset: Dataset, text: str | None, usual: UsualLevel | None = None) -> Dataset:
+def follow_levels(dataset: Dataset, text: str | None, usual: KnownLevel | None = None) -> Dataset:
     """Return a data set whose touches are scaled by their session's level before them.
 
     Args:

@@ -11,8 +11,9 @@ Background of our choices: docs/decisions/0061.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +77,31 @@ class UsualLevel:
             squares: As `mean_squares` gives them, shape (n, channels).
         """
         return np.asarray(_loudest(squares, self.array) >= self.quietest)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WatchedLevel:
+    """A usual level with the windows that show none although they are loud."""
+
+    usual: UsualLevel
+    hung: Callable[[NDArray[np.float32]], bool]
+    """Whether a window's measured rows, shape (n, channels), are of an array that hangs."""
+
+    def shows(self, windows: Windows, squares: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which windows show a level, shape (n,).
+
+        Args:
+            windows: As measured, shape (n, steps, channels).
+            squares: As `mean_squares` gives them, shape (n, channels).
+        """
+        shown = self.usual.shows(squares)
+        for i in np.flatnonzero(shown):
+            shown[i] = not self.hung(windows.values[i][windows.mask[i]])
+        return shown
+
+
+KnownLevel = UsualLevel | WatchedLevel
+"""What a bundle learned; with what hangs, where its training shows that."""
 
 
 def parse_level_follow(text: str) -> LevelFollow:
@@ -144,25 +170,26 @@ def followed_factors(
     trial: NDArray[np.intp],
     trials: Sequence[Trial],
     follow: LevelFollow,
-    usual: UsualLevel | None = None,
+    known: KnownLevel | None = None,
 ) -> Followed:
     """Return what each trial's channels are multiplied by, and the usual level.
 
     To learn from, each trial's earlier touches are some of its session drawn at random, so that
     no model learns in which order a protocol goes through the classes; tested, they are those
     before it in time, as live. The usual level is that of the other sessions alone. Where the usual
-    level is given, nothing is learned: both are those before it in time.
+    level is known, nothing is learned: both are those before it in time.
 
     Args:
         windows: All of them, as measured.
         trial: Each window's trial, shape (n,).
         trials: All trials; one without a window that may be used shows no level.
         follow: How levels follow.
-        usual: What a bundle learned; None to learn it.
+        known: What a bundle learned; None to learn it.
 
     Raises:
         BadDataset: A trial to learn from lacks the group. Others that lack it are one session.
     """
+    usual = known.usual if isinstance(known, WatchedLevel) else known
     lacking = [own for own in trials if follow.key not in own.groups]
     if lacking and usual is None:
         raise BadDataset(
@@ -173,7 +200,8 @@ def followed_factors(
     ready = windows[windows.ready]
     owner, squares = trial[windows.ready], mean_squares(ready.values, ready.mask)
     if usual is not None:
-        shown = usual.shows(squares)
+        watched = known if isinstance(known, WatchedLevel) else None
+        shown = watched.shows(ready, squares) if watched else usual.shows(squares)
         owner, squares = owner[shown], squares[shown]
     count = np.bincount(owner, minlength=len(trials))
     sums = [np.bincount(owner, own, minlength=len(trials)) for own in squares.T]
@@ -293,6 +321,23 @@ class LevelFollower:
         """Return where the level stands."""
         return LevelNow(touches=self.touches, least=float(1.0 / self.factor.max()),
                         most=float(1.0 / self.factor.min()))  # fmt: skip
+
+    def state(self) -> dict[str, Any]:
+        """Return the level over the touches that have ended, as `resume` takes it, for JSON."""
+        return {"level": self._level.tolist(), "weight": self._weight, "touches": self.touches}
+
+    def resume(self, state: dict[str, Any]) -> None:
+        """Go on from another follower's state, as where its process died.
+
+        Raises:
+            ValueError: It is of other channels.
+        """
+        level = np.array(state["level"], np.float64)
+        if level.shape != self._level.shape:
+            raise ValueError(f"a level of {len(level)} channels for {len(self._level)}")
+        self._level, self._weight = level, float(state["weight"])
+        self.touches = int(state["touches"])
+        self.factor = factor_of(self._usual, self._level)
 
     def over(self) -> None:
         """End the touch, as where a recording ends."""

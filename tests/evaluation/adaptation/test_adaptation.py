@@ -13,7 +13,7 @@ from taxel.errors import BadDataset
 from taxel.evaluation.adaptation import pads
 from taxel.evaluation.adaptation.held_sessions import METHODS, AdaptConfig, default_config
 from taxel.evaluation.adaptation.new_class import first_grasps, measure_new_class
-from taxel.evaluation.adaptation.online import measure_online
+from taxel.evaluation.adaptation.online import OnlinePoint, measure_online
 from taxel.evaluation.adaptation.pads import (
     ALL,
     ONE,
@@ -120,6 +120,20 @@ def test_a_row_of_changed_pads_says_how_many_grasps_gave_windows() -> None:
 
     assert row.value == pytest.approx(0.7)
     assert "40 grasps, of which 75.0% gave windows (100.0% as they were)" in row.note
+
+
+def test_a_row_of_corrections_counts_the_grasps_of_all_sessions_and_has_the_majority() -> None:
+    points = [
+        OnlinePoint("shape", str(grasps), changed, grasps, 0.9, 0.8, 0.7, 0.6, 0.1, drift, tested)
+        for grasps, drift, tested in ((1000, (5,), (30, 10)), (90, (), (5, 15)))
+        for changed in (False, True)
+    ]
+
+    row, _ = audit_adapt._online_rows("shape", points)
+
+    assert "1,090 grasps" in row.note
+    assert "0.700 → 0.600 (majority 0.583)" in row.note
+    assert "detected in 1 of 2 sessions" in row.note
 
 
 @pytest.mark.parametrize("measure", [measure_new_class, measure_online, measure_pads])

@@ -71,11 +71,15 @@ def test_a_patchs_colour_tells_classes_where_nothing_moves(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("views", [USUAL, ("pixels", "slip", "stills")])
+@pytest.mark.parametrize(
+    "views",
+    [USUAL, ("pixels", "slip", "stills"), (*USUAL, "touch")],
+    ids=["usual", "before", "touch"],
+)
 def test_a_bundle_says_of_images_what_the_trained_blend_says(
     views: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """With the picture; and without it, as bundles were before."""
+    """With the picture; without it, as bundles were before; and with the touch encoder."""
     read = read_camera_trials(write_stills(tmp_path / "a", each=1))
     trials = load_trial_set(read, "kind", tmp_path / "kept", sight=Sight(views=views))
     split = split_trials(trials.groups, trials.y, "group:object", 2, 0)
@@ -86,18 +90,19 @@ def test_a_bundle_says_of_images_what_the_trained_blend_says(
     blend = fit_blend(trials.learning(trials.rows, "object"), 1, trials.widths, 0)
     seen = {member.kind for member in blend.members}
     assert ("picture" in seen) == ("picture" in views)
+    assert ("touch" in seen) == ("touch" in views)
     wanted = blend.trials(trials.rows, trials.cut.trial)
     verdicts = list(predict_trials(bundle, read, 0.0))
     found = np.stack([verdict.probabilities for verdict in verdicts])
     np.testing.assert_allclose(found, wanted, atol=1e-4)
 
 
-def test_members_are_of_four_kinds_and_picture_and_network_are_none_of_the_others() -> None:
+def test_members_are_of_five_kinds_and_what_sees_one_view_alone_is_none_of_the_others() -> None:
     kinds = [member.kind for member in MEMBERS]
     assert kinds.count("movement") == 3
     assert kinds.count("picture") == 2
-    assert kinds.count("network") == 1
-    assert set(kinds) == {"movement", "look", "picture", "network"}
+    assert kinds.count("network") == kinds.count("touch") == 1
+    assert set(kinds) == {"movement", "look", "picture", "network", "touch"}
 
 
 def test_extra_trees_find_two_columns_that_matter_among_a_thousand() -> None:

@@ -59,3 +59,25 @@ def test_a_recogniser_that_was_given_up_before_its_first_answer_is_not_waited_fo
     assert answers.newest() == []
     (shown,) = answers.newest({"monitor/0"})
     assert (shown["label"], shown["reason"]) == ("UNKNOWN", "the monitor has ended")
+
+
+def test_before_its_first_answer_a_recogniser_says_what_it_waits_for():
+    answers = Answers([{"target": "shape", "bundle": "a.taxel", "who": "monitor/0"}])
+    why = "nothing above the gate of 1.55 V yet, 0.2 at most"
+    answers.keep({"kind": "waiting", "who": "monitor/0", "text": why})
+    (shown,) = answers.newest()
+    assert (shown["label"], shown["confidence"], shown["action"]) == ("", None, "")
+    assert shown["reason"] == why
+    answers.add(note("monitor/0", "ball") | {"decided_s": 7.5})
+    (shown,) = answers.newest()
+    assert (shown["label"], shown["time_s"]) == ("ball", 7.5)
+
+
+def test_where_a_level_stands_is_kept_for_the_summary_and_for_a_process_that_follows():
+    answers = Answers([{"target": "shape", "bundle": "a.taxel", "who": "monitor/0"}])
+    assert answers.summary()[0]["level"] is None
+    state = {"level": [1.0], "weight": 11.0, "touches": 1}
+    words = "levels followed over 1 touch: channels stand at 0.50 to 1.00 of the usual level"
+    answers.keep({"kind": "level", "who": "monitor/0", "state": state, "text": words})
+    assert answers.levels == {"monitor/0": state}
+    assert answers.summary()[0]["level"] == words

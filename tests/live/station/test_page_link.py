@@ -235,6 +235,52 @@ def test_the_array_without_cameras_is_shown_with_gaps_where_a_value_is_not_usabl
     np.testing.assert_allclose(traces["map"], values[[0, 2]] / 0.6, rtol=1e-6)
 
 
+def test_no_line_is_drawn_across_a_pause_in_which_nothing_came(make: Any):
+    """A board was silent for five seconds: a line fell from its last value to the next."""
+    rig = make((HAND, ()))
+    times_s = np.r_[np.arange(10) / 100, 5.0 + np.arange(10) / 100]
+    rig.to[0].put(pack(Samples.from_values(np.ones((20, 2)), times_s)))
+    trace = rig.view.traces(-math.inf)["sensors"]
+    missing = np.isnan(np.array(trace["values"][0]))
+    assert 1 <= missing.sum() <= 2
+    assert all(0.09 <= t < 5.0 for t in np.array(trace["t"])[missing])
+
+
+def test_a_slow_array_is_no_pause(make: Any):
+    """It gives a row a second."""
+    slow = SensorInfo(name="hand", channels=("a", "b"), units=("V", "V"), rate_hz=1.0)
+    rig = make((slow, ()))
+    rig.to[0].put(pack(Samples.from_values(np.ones((20, 2)), np.arange(20.0))))
+    assert not np.isnan(np.array(rig.view.traces(-math.inf)["sensors"]["values"][0])).any()
+    assert rig.view.snapshot()["array"]["gap_s"] == 5.0
+
+
+def test_a_source_that_has_not_reported_for_a_second_is_not_shown_as_live(
+    make: Any, clock: ManualClock
+):
+    """Its process hung: the page went on to say live, 1000 Hz."""
+    rig = make((HAND, ()))
+    note = {"kind": "source", "kind_of": "array", "name": "hand", "url": "", "state": "live",
+            "rate_hz": 100.0, "nominal_hz": 100.0, "produced": 5, "lost": 0,
+            "note": ""}  # fmt: skip
+    rig.to[0].put(pack(note))
+    assert rig.view.snapshot()["sources"][0]["state"] == "live"
+    clock.advance(2.6)
+    (shown,) = rig.view.snapshot()["sources"]
+    assert (shown["state"], shown["rate_hz"], shown["note"]) == ("silent", 0.0, "no report for 3 s")
+    rig.to[0].put(pack(note | {"state": "ended"}))
+    rig.view.snapshot()
+    clock.advance(2.6)
+    assert rig.view.snapshot()["sources"][0]["state"] == "ended"
+
+
+def test_the_hands_numbers_are_per_cent_of_the_full_scale_where_there_is_one(make: Any):
+    assert make((HAND, ())).view.snapshot()["array"]["scale"] == "the largest value"
+    volts = SensorInfo(name="hand", channels=("a", "b"), units=("V", "V"), rate_hz=100.0,
+                       full_scale=3.3)  # fmt: skip
+    assert make((volts, ())).view.snapshot()["array"]["scale"] == "full scale"
+
+
 def test_an_array_of_several_units_is_not_shown_under_the_first_channels_unit(make: Any):
     """A simulated cup's truth has millimetres and newtons beside the slip's micrometres."""
     truth = SensorInfo(name="truth", channels=("slip", "grip"), units=("um", "N"), rate_hz=60.0)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from taxel.actions.interlock import Interlock, InterlockConfig
+from taxel.live.station.beats import Beat, Work
 from taxel.live.station.guard import Guard
-from taxel.live.station.snapshots import STAGES, Latencies, guard_snapshot
+from taxel.live.station.snapshots import STAGES, Latencies, consumer_snapshot, guard_snapshot
 
 TOOK_MS = (10.0, 1.0, 2.0, 3.0, 8.0, 0.5)
 """One number a stage."""
@@ -45,6 +48,17 @@ def test_what_a_start_took_can_be_forgotten():
     assert latencies.percentiles_ms() == {}
     taken_in(latencies)
     assert latencies.whole_ms() == pytest.approx([sum(TOOK_MS)])
+
+
+def test_a_process_that_hangs_is_not_shown_as_running():
+    """Its pill was green beside "beat 4482 ms". A step that asked for patience may take it."""
+    beat = Beat(beat_s=10.0, work=Work.RUNNING, produced=1, consumed=2, dropped=0, patience_s=0.0)
+    states = [consumer_snapshot("monitor", beat, now_s)["state"] for now_s in (10.9, 11.1)]
+    assert states == ["running", "silent"]
+    patient = replace(beat, patience_s=5.0)
+    assert consumer_snapshot("monitor", patient, 14.0)["state"] == "running"
+    over = replace(beat, work=Work.ENDED)
+    assert consumer_snapshot("monitor", over, 14.0)["state"] == "ended"
 
 
 def test_where_no_monitor_runs_nothing_is_said_to_hold_since_the_machine_started():

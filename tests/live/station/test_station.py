@@ -117,6 +117,7 @@ def test_a_killed_monitor_is_reported_alarmed_and_started_again(pour: Path):
         assert any(alarm.kind == "monitor" for alarm in station.guard.alarms.alarms)
         until(station, lambda: station.guard.shown[0] != "STOP")
         assert station.workers()["monitor"].pid != before
+        assert station.wiring.levels is station.answers.levels
     assert station.ledger()["monitor"]["starts"] == 2
 
 

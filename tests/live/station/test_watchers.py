@@ -272,8 +272,22 @@ class Recogniser:
     def still_channels(self) -> list[Any]:
         return []
 
+    def other_scales(self) -> list[Any]:
+        return []
+
+    def untouched(self) -> str:
+        return ""
+
     def rate_changes(self) -> list[Any]:
         return []
+
+    def waiting(self) -> str:
+        return ""
+
+    def new_touch(self) -> None:
+        pass
+
+    touches = 0
 
     def new_vote(self) -> GraspVote:
         return GraspVote(("ball", "cube"), 0.5)

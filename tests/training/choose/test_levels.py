@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NoReturn
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from taxel.bundles.reader import read_bundle
 from taxel.bundles.recordings import load_at_level
 from taxel.cli.main import main
 from taxel.errors import BadBundle
+from taxel.evaluation import bundle_scores
 from taxel.evaluation.baselines import trivial_right
 from taxel.evaluation.nested import check_choosing
 from taxel.evaluation.outer_split import OuterSplit
@@ -175,6 +177,27 @@ def test_an_array_that_repeats_one_scan_shows_no_level(bundle: Path, drifting: P
     assert all("repeat one scan" in answer.decision.reason for answer in answers)
     assert level is not None
     assert level.touches == 0
+
+
+def test_in_a_score_it_shows_none_either(
+    bundle: Path, drifting: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A score's levels differed from live ones where an array had hung."""
+    opened = read_bundle(bundle)
+    known: list[Any] = []
+
+    def noted(*_: object, **words: Any) -> NoReturn:
+        known.append(words["usual"])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(bundle_scores, "load_dataset", noted)
+    with pytest.raises(KeyboardInterrupt):
+        bundle_scores.score_bundle(opened, drifting)
+    (level,) = known
+    assert level.usual == opened.contract.usual
+    window, channels = opened.contract.window, len(opened.contract.channels)
+    rows = np.random.default_rng(0).random((window.steps, channels)).astype(np.float32)
+    assert [level.hung(own) for own in (rows, rows[:1].repeat(len(rows), axis=0))] == [False, True]
 
 
 def test_of_a_folder_recordings_of_one_session_share_a_level(bundle: Path) -> None:

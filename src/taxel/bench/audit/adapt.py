@@ -226,13 +226,15 @@ def _online_rows(target: str, points: list[OnlinePoint]) -> list[Row]:
         own = [point for point in points if point.changed == changed]
         what = "pads changed halfway" if changed else "pads as they were"
         found = sum(bool(session.drift_at) for session in own)
+        tested = np.sum([session.tested for session in own], axis=0)
         note = (
-            f"grasps right before each was learned, {own[0].grasps} a session; "
+            f"of {sum(session.grasps for session in own):,} grasps, each before it was learned; "
             f"{_mean(p.unlearned for p in own):.3f} without learning; windows of grasps "
             f"never learned {_mean(p.before for p in own):.3f} → "
-            f"{_mean(p.after for p in own):.3f}; largest loss of a class on other sessions "
-            f"{100 * _mean(p.forgotten for p in own):.1f} points; drift said in {found} of "
-            f"{len(own)} sessions"
+            f"{_mean(p.after for p in own):.3f} (majority {tested.max() / tested.sum():.3f}); "
+            f"largest loss of a class on other sessions "
+            f"{100 * _mean(p.forgotten for p in own):.1f} points, mean over sessions; drift "
+            f"detected in {found} of {len(own)} sessions"
         )
         name = f"sim honest, corrected on the fly, {what}: {target}, {_SPLIT}"
         rows.append(accuracy_row(name, _mean(p.prequential for p in own), note))

@@ -79,13 +79,14 @@ def live_arrays(options: ArrayOptions) -> None:
 def _run(options: ArrayOptions, bundles: Sequence[Bundle]) -> list[Tally]:
     """Run every recording of the source; return each bundle's counts over all of them."""
     from taxel.decisions.recognition import RecogniseConfig
-    from taxel.live.recogniser import Recogniser, SessionLevels
+    from taxel.live.recogniser import Recogniser, SessionLevels, scale_watch_of
     from taxel.recordings.reader import read_manifest
     from taxel.sources.opening import open_source, recordings_of, replayed_files
 
     config = RecogniseConfig(least_confidence=options.least_confidence)
     totals: list[Tally] = []
     levels = [SessionLevels(bundle.contract) for bundle in bundles]
+    scales = [scale_watch_of(bundle.contract) for bundle in bundles]
     notices = _InputNotices()
     with stop_signals(SUMMARY_FOLLOWS) as stopped:
         for address in recordings_of(options.source):
@@ -95,8 +96,8 @@ def _run(options: ArrayOptions, bundles: Sequence[Bundle]) -> list[Tally]:
                 groups = {**read_manifest(files[0]).groups, "recording": files[0].stem}
             with open_source(address) as source:
                 recognisers = [
-                    Recogniser(bundle, source.info, config, level.of(groups))
-                    for bundle, level in zip(bundles, levels, strict=True)
+                    Recogniser(bundle, source.info, config, level.of(groups), scale)
+                    for bundle, level, scale in zip(bundles, levels, scales, strict=True)
                 ]
                 tallies = _run_source(options, source, recognisers, notices, stopped)
             for total, tally in zip(totals, tallies, strict=bool(totals)):
@@ -164,6 +165,10 @@ def _summary_lines(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield f"{move['time_s']:.1f} s: {GateMove(**move).words()}", ""
     for still in result["still_channels"]:
         yield f"warning: {still['time_s']:.1f} s: {still['text']}", "yellow"
+    for scale in result["other_scales"]:
+        yield f"warning: {scale['time_s']:.1f} s: {scale['text']}", "yellow"
+    if result["untouched"]:
+        yield f"note: {result['untouched']}", ""
     for change in result["rate_changes"]:
         warning = "" if change["fits"] else "warning: "
         yield f"{warning}{change['time_s']:.1f} s: {change['text']}", "yellow"
@@ -207,12 +212,13 @@ def _outage_words(outage: dict[str, Any]) -> str:
 class _InputNotices:
     """Prints faults of the input as they happen, each once, where no screen shows them.
 
-    They are channels that have stopped changing, times without usable values, and another rate
-    than in training.
+    They are channels that have stopped changing, times without usable values, and another rate or
+    unit than in training.
     """
 
     def __init__(self) -> None:
         self._still: set[tuple[int, str]] = set()
+        self._scales: set[int] = set()
         self._outages: dict[int, Outage] = {}
         self._rates: dict[int, RateChange] = {}
 
@@ -227,6 +233,10 @@ class _InputNotices:
                 if (number, still.channel) not in self._still:
                     self._still.add((number, still.channel))
                     say_aside(f"{tally.target}: {still.words()}")
+            for scale in tally.other_scales:
+                if number not in self._scales:
+                    self._scales.add(number)
+                    say_aside(f"{tally.target}: {scale.words()}")
             if tally.outages and tally.outages[-1] != self._outages.get(number):
                 self._outages[number] = tally.outages[-1]
                 say_aside(f"{tally.target}: {tally.outages[-1].words()}")

@@ -114,6 +114,9 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             acts = bool(options.gripper or options.tell)
             print_keys(acts=acts, watches=bool(station.wiring.watches))
         station.run(options.seconds, stopped, on_tick)
+        station.close()  # what its processes say at their end is an event, too
+        if not options.json:
+            events.print_new(station)
     summary = station_summary(station)
     if options.json:
         print_json(summary)

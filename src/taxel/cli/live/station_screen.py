@@ -8,6 +8,7 @@ from __future__ import annotations
 import queue
 import threading
 from contextlib import suppress
+from time import monotonic
 from typing import TYPE_CHECKING
 
 from rich.text import Text
@@ -92,7 +93,7 @@ class PrinterThread:
 
 
 class EventLines:
-    """Prints each event of a station once, with its seconds since the first.
+    """Prints each event of a station once, with its seconds since the first call or event.
 
     Args:
         printer: What prints the lines.
@@ -106,12 +107,13 @@ class EventLines:
     def print_new(self, station: Station) -> None:
         """Print the events since the last call."""
         newest = station.events[-1][0] if station.events else 0
+        if self._began_s is None:
+            self._began_s = station.events[0][1] if station.events else monotonic()
         if newest == self._printed:
             return
         for number, time_s, text in station.events:
             if number <= self._printed:
                 continue
-            self._began_s = time_s if self._began_s is None else self._began_s
             colour = _COLOURS.get(text.partition(":")[0], "cyan")
             when = f"{time_s - self._began_s:8.2f} s  "
             self._printer.say(Text.assemble(when, (visible_line(text), colour)))

@@ -65,8 +65,10 @@ def print_station_summary(summary: dict[str, Any]) -> None:
     """Print what `station_summary` gave, in lines."""
     from taxel.live.station.guard import NO_GRASP
 
-    for line in answers_lines(summary["answers"]):
+    for line, result in zip(answers_lines(summary["answers"]), summary["answers"], strict=True):
         say(line)
+        if result.get("level"):
+            say(f"  {result['level']}")
     counts = summary["alarms"]["counts"]
     if summary["state"] != NO_GRASP or counts["raised"]:
         say(f"alarms: {counts['raised']} raised, {counts['acknowledged']} acknowledged")

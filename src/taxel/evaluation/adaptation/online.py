@@ -48,6 +48,8 @@ class OnlinePoint:
     """The largest loss of a class on the other sessions' grasps that were never rehearsed."""
     drift_at: tuple[int, ...]
     """Grasps at which a drift was said to have begun."""
+    tested: tuple[int, ...]
+    """Windows of each class, by number, among those of grasps that were not learned."""
 
 
 def measure_online(
@@ -97,6 +99,7 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
                 float((predicted(run, test) == test.y).mean()),
                 float((predicted(corrected.run, test) == test.y).mean()),
                 max(lost, default=float("nan")), tuple(drift.grasp for drift in corrected.drifts),
+                tuple(np.bincount(test.y, minlength=len(classes)).tolist()),
             )
         )  # fmt: skip
     return points

@@ -178,7 +178,7 @@ def _windows(run: Run, file: Path, classes: Sequence[str]) -> Exemplars:
     """Return all windows of a recording as measured."""
     contract = run.contract
     return all_exemplars(
-        load_dataset(file, replace(contract.window, reference=None), usual=contract.usual),
+        load_dataset(file, replace(contract.window, reference=None), usual=contract.followed_from),
         classes,
         contract.target,
     )

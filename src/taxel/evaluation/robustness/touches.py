@@ -210,7 +210,7 @@ def _cut(
         Windows.join([windows[own] for (_, windows, _), own in zip(found, inside, strict=True)]),
         np.concatenate([owner[own] + start for (_, _, owner), own, start
                         in zip(found, inside, first[:-1], strict=True)]),
-        trials, parse_level_follow(text), contract.usual,
+        trials, parse_level_follow(text), contract.followed_from,
     ).tested  # fmt: skip
     return [
         (touch, replace(windows, values=windows.values * factor[owner + start, None, :]), owner)

@@ -44,6 +44,10 @@ class Answers:
             recogniser["who"]: Counter() for recogniser in recognisers
         }
         self._newest: dict[str, dict[str, Any]] = {}
+        self._waiting: dict[str, str] = {}
+        self._level_words: dict[str, str] = {}
+        self.levels: dict[str, dict[str, Any]] = {}
+        """Recogniser → where its session's level stands, for a process that follows a dead one."""
 
     def add(self, note: dict[str, Any]) -> tuple[dict[str, Any], str]:
         """Take in one window's answer.
@@ -62,6 +66,13 @@ class Answers:
         news = f"{note['target']} {answer}: {note['action']}"
         return note, news if note["action"] not in ("", before) else ""
 
+    def keep(self, note: dict[str, Any]) -> None:
+        """Take in what a recogniser's first answer waits for, or where its level stands."""
+        if note["kind"] == "level":
+            self.levels[note["who"]], self._level_words[note["who"]] = note["state"], note["text"]
+        else:
+            self._waiting[note["who"]] = note["text"]
+
     def newest(self, given_up: Collection[str] = ()) -> list[dict[str, Any]]:
         """Return the newest answers as the page's link gives them.
 
@@ -76,6 +87,8 @@ class Answers:
                 found.append(_ended(title, who))
             elif who in self._newest:
                 found.append(_as_shown(title, self._newest[who]))
+            elif self._waiting.get(who):
+                found.append(_waits(title, self._waiting[who]))
         return found
 
     def summary(self) -> list[dict[str, Any]]:
@@ -83,20 +96,29 @@ class Answers:
         return [
             {**{key: recogniser[key] for key in ("target", "bundle", "who")},
              "windows": counts.total(), "answers": dict(counts.most_common()),
-             "actions": dict(self._actions[recogniser["who"]].most_common())}
+             "actions": dict(self._actions[recogniser["who"]].most_common()),
+             "level": self._level_words.get(recogniser["who"])}
             for recogniser, counts in zip(self._recognisers, self._counts.values(), strict=True)
         ]  # fmt: skip
 
 
 def _as_shown(title: str, note: dict[str, Any]) -> dict[str, Any]:
     return {"target": title, "label": note["grasp"], "confidence": note["grasp_confidence"],
-            "reason": _what_it_is_of(note), "action": note["action"]}  # fmt: skip
+            "reason": _what_it_is_of(note), "action": note["action"],
+            "time_s": note.get("decided_s")}  # fmt: skip
+
+
+def _waits(title: str, why: str) -> dict[str, Any]:
+    """Return what stands in the place of an answer that has not come yet: no label."""
+    return {"target": title, "label": "", "confidence": None, "reason": why, "action": "",
+            "time_s": None}  # fmt: skip
 
 
 def _ended(title: str, who: str) -> dict[str, Any]:
     """Return what stands in an answer's place where its process has ended for good."""
     return {"target": title, "label": UNKNOWN, "confidence": None,
-            "reason": REASONS["monitor ended"].say(who=in_words(who)), "action": ""}  # fmt: skip
+            "reason": REASONS["monitor ended"].say(who=in_words(who)), "action": "",
+            "time_s": None}  # fmt: skip
 
 
 def _what_it_is_of(note: dict[str, Any]) -> str:

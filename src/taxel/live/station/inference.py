@@ -11,13 +11,10 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import monotonic
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from taxel.bundles.envelope import checksum_of, is_grasp_bundle
 from taxel.bundles.grasp import read_grasp_bundle
@@ -27,11 +24,13 @@ from taxel.decisions.reasons import kind_of
 from taxel.decisions.recognition import RecogniseConfig
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.decisions.still_channels import StillChannel
+from taxel.decisions.value_scale import OtherScale
 from taxel.errors import BadBundle
 from taxel.live.outages import Outage, OutageWatch
 from taxel.live.rate_watch import RateChange
 from taxel.live.recogniser import Answer, Recogniser
 from taxel.live.station.beats import Work
+from taxel.live.station.drill_head import FixedHead
 from taxel.live.station.packets import Packet, pack, unpack
 from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.worker import Place, Pulse, Rank, at_work, settle_memory
@@ -47,6 +46,10 @@ _SETTLING_S = 1.0
 _AGAIN_S = 0.1
 """How often a state that no new frames give is sent again, seconds: its reason says how long, and
 a decision lives for 0.3 s. Source: our choice, docs/decisions/0030."""
+_WAITING_S = 1.0
+"""How often it is looked at what a first window waits for, seconds. Source: our choice."""
+_MOST_KEPT = 4096
+"""Channels of which a level is sent: more would not fit a ring of notes. Source: our choice."""
 _LOOK_S = 0.005
 """How often a silent input is looked at: its age makes the state UNKNOWN."""
 _Came = dict[str, float]
@@ -78,6 +81,8 @@ class Inference:
     """Keys of which one must have signed each bundle; any bundle unless given."""
     device: str = CPU
     """On which ONNX Runtime runs the bundles."""
+    levels: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """Recogniser → where its session's level stood when its process died."""
 
 
 def infer(job: Inference) -> None:
@@ -172,7 +177,7 @@ class _GraspWatcher:
 
     def spoil(self, value: float = float("nan")) -> None:
         """Let the model give one value from now on, NaN by default: a drill."""
-        self._monitor.bundle = replace(self._monitor.bundle, head=_FixedHead(value))
+        self._monitor.bundle = replace(self._monitor.bundle, head=FixedHead(value))
 
     def mute(self, on: bool) -> None:
         """Send no decision, and live: a drill."""
@@ -238,9 +243,13 @@ class _RecogniseWatcher:
         self._who = f"{job.place.name}/{number}"
         config = RecogniseConfig(least_confidence=job.least_confidence)
         self._recogniser = Recogniser(bundle, job.sensor, config)
+        if self._who in job.levels:
+            self._recogniser.resume_level(job.levels[self._who])
+        self._touches = self._recogniser.touches
         contract = bundle.contract
         self._vote = self._recogniser.new_vote()
         self._outages = OutageWatch(contract.window.max_gap_s)
+        self._waiting, self._waited_s = "", -math.inf
         self._target, self._padded = contract.target, contract.window.pad
         self._writer = writer
         self.what = {"kind": "answer", "who": self._who, "bundle": str(path),
@@ -252,6 +261,7 @@ class _RecogniseWatcher:
             # A padded window of a grasp comes after its mark, and is still of that contact.
             if (_ends_grasp(packet) and not self._padded) or _asks(packet, "new grasp"):
                 self._vote.over()
+                self._recogniser.new_touch()
             if not isinstance(packet, Samples):
                 continue
             pulse.beat()
@@ -260,19 +270,39 @@ class _RecogniseWatcher:
                 self._send(answer, times)
             self._say(self._recogniser.gate_moves())
             self._say(self._recogniser.still_channels())
+            self._say(self._recogniser.other_scales())
             self._say(self._recogniser.rate_changes())
+        self._keep_level()
+
+    def _keep_level(self) -> None:
+        """Send where the level stands after each touch: a process that follows goes on from it."""
+        if self._recogniser.touches == self._touches:
+            return
+        self._touches = self._recogniser.touches
+        state, now = self._recogniser.level_state(), self._recogniser.level()
+        if state is not None and now is not None and len(state["level"]) <= _MOST_KEPT:
+            note = {"kind": "level", "who": self._who, "state": state, "text": now.words()}
+            self._writer.put(pack(note))
 
     def end(self) -> None:
         """Answer the stream's last, padded window, if there is one."""
         for answer in self._recogniser.flush():
             self._send(answer, {})
         self._say(self._recogniser.still_channels())
+        self._say(self._recogniser.other_scales())
+        if why := self._recogniser.untouched():
+            self._put_news(why)
 
-    def _say(self, news: Sequence[GateMove | StillChannel | Outage | RateChange]) -> None:
+    def _say(
+        self, news: Sequence[GateMove | StillChannel | Outage | OtherScale | RateChange]
+    ) -> None:
         """Send news of channels, for the log and the page."""
         for item in news:
-            text = f"{self._target}: {item.words()}"
-            self._writer.put(pack({"kind": "news", "who": self._who, "text": text}))
+            self._put_news(item.words())
+
+    def _put_news(self, words: str) -> None:
+        text = f"{self._target}: {words}"
+        self._writer.put(pack({"kind": "news", "who": self._who, "text": text}))
 
     def _send(self, answer: Answer, times: dict[str, float]) -> None:
         decision = answer.decision
@@ -294,21 +324,14 @@ class _RecogniseWatcher:
         """Nothing that anybody waits for."""
 
     def silent(self, now_s: float) -> None:
-        """A hand that touches nothing says nothing."""
-
-
-class _FixedHead:
-    """A stand-in for a model that always gives one value, for drills.
-
-    Args:
-        value: What it gives; NaN too.
-    """
-
-    def __init__(self, value: float) -> None:
-        self._value = value
-
-    def run(self, **_: NDArray[np.float32]) -> NDArray[np.float32]:
-        return np.full(1, self._value, np.float32)
+        """Say what the first window waits for; a hand that touches nothing says nothing."""
+        if now_s - self._waited_s < _WAITING_S:
+            return
+        self._waited_s = now_s
+        words = self._recogniser.waiting()
+        if words != self._waiting:
+            self._waiting = words
+            self._writer.put(pack({"kind": "waiting", "who": self._who, "text": words}))
 
 
 _Watcher = _GraspWatcher | _RecogniseWatcher

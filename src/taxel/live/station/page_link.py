@@ -39,6 +39,12 @@ _POINTS_HZ = 50
 _ANSWER_S = 3.0
 """How long a request may take until it is known to be fulfilled, seconds. Our choice."""
 _TINY_S = 1e-6
+_GAP_S, _GAP_PERIODS = 0.5, 5.0
+"""Rows of an array further apart, in seconds and in its periods, are not joined by a line, and the
+newest is not shown as the present. Our choice, as for images (docs/decisions/0018)."""
+_SILENT_S = 1.0
+"""A source that has not reported for so long is not shown as live: it reports several times a
+second. Our choice."""
 _EVERY = max(1, round(1 / _ROW_S / _POINTS_HZ))
 """Rows of which a trace shows one."""
 _DEPTH_S = 0.2
@@ -76,14 +82,16 @@ class _Array:
     """The array that is shown."""
 
     sensor: SensorInfo
+    gap_s: float
+    """Rows further apart are not joined, seconds."""
     newtons: LiveNewtons | None = None
     rows: deque[tuple[float, list[float]]] = field(
         default_factory=lambda: deque(maxlen=round(_KEPT_S / _ROW_S))
     )
 
     def lack(self) -> None:
-        """Break the trace: what came since its last row was not read."""
-        if self.rows:
+        """Break the trace, once: what came since its last row was not read, or nothing came."""
+        if self.rows and not all(map(math.isnan, self.rows[-1][1])):
             time_s, values = self.rows[-1]
             for number in range(1, _EVERY + 1):  # as many as a trace leaves out
                 self.rows.append((time_s + number * _TINY_S, [math.nan] * len(values)))
@@ -94,6 +102,8 @@ class _Array:
             samples = self.newtons.push(samples)
         last_s = self.rows[-1][0] if self.rows else -math.inf
         for index, time_s in enumerate(samples.fitted_s.tolist()):
+            if time_s - last_s > self.gap_s:
+                self.lack()
             if time_s - last_s >= _ROW_S - _TINY_S:
                 values = np.where(samples.usable[index], samples.values[index], np.nan)
                 self.rows.append((time_s, values.tolist()))
@@ -131,6 +141,7 @@ class StationView:
         self._p: deque[tuple[float, float]] = deque(maxlen=round(_KEPT_S * 60))
         self._newest: dict[str, Any] = {}
         self._notes: list[dict[str, Any]] = [{} for _ in config.sources]
+        self._noted_s = [-math.inf] * len(config.sources)
 
     def snapshot(self) -> dict[str, Any]:
         """Return the newest state of everything."""
@@ -147,14 +158,19 @@ class StationView:
         if still_s > self._config.stall_s:
             newest |= stalled_snapshot(newest, still_s, monotonic())
         return nothing | newest | {
-            "sources": [note | {"kind": note["kind_of"]} for note in self._notes if note],
+            "sources": [
+                _how_it_does(note, monotonic() - noted_s) | {"kind": note["kind_of"]}
+                for note, noted_s in zip(self._notes, self._noted_s, strict=True)
+                if note
+            ],
             "cameras": [
                 {"name": camera.name, "width": camera.width, "height": camera.height}
                 for camera in self._cameras
             ],
             "array": None if array is None else {
                 "name": array.sensor.name, "channels": list(array.sensor.channels),
-                "unit": shown_unit(array.sensor), "rows": _MAP_ROWS,
+                "unit": shown_unit(array.sensor), "rows": _MAP_ROWS, "gap_s": array.gap_s,
+                "scale": "full scale" if array.sensor.full_scale else "the largest value",
             },
         }  # fmt: skip
 
@@ -285,7 +301,7 @@ class StationView:
                 if self._array is not None and number == self._array_at:
                     self._array.add(packet)
             elif isinstance(packet, dict) and packet.get("kind") == "source":
-                self._notes[number] = packet
+                self._notes[number], self._noted_s[number] = packet, monotonic()
 
     def _map(self, rows: Sequence[tuple[float, list[float]]]) -> list[list[float]] | None:
         array = self._array
@@ -299,10 +315,24 @@ class StationView:
 
 def _shown_array(seen: PageSeen) -> _Array:
     """Return a source's array, in newtons where it has a calibration."""
+    rate_hz = seen.sensor.rate_hz
+    gap_s = max(_GAP_S, _GAP_PERIODS / rate_hz if rate_hz > 0 else math.inf)
     if seen.calibration is None:
-        return _Array(seen.sensor)
+        return _Array(seen.sensor, gap_s)
     newtons = LiveNewtons(read_calibration(seen.calibration), seen.sensor)
-    return _Array(newtons.info, newtons)
+    return _Array(newtons.info, gap_s, newtons)
+
+
+def _how_it_does(note: dict[str, Any], age_s: float) -> dict[str, Any]:
+    """Return a source's newest report; one that is old claims nothing of the present.
+
+    Args:
+        note: As `source_news` makes it.
+        age_s: How long ago it came, seconds.
+    """
+    if age_s <= _SILENT_S or note["state"] == "ended":
+        return note
+    return note | {"state": "silent", "rate_hz": 0.0, "note": f"no report for {age_s:.0f} s"}
 
 
 def need_depth_pictures(cameras: Iterable[CameraInfo]) -> None:

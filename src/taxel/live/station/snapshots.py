@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from taxel.actions.alarm import Level
 from taxel.decisions.advice import Advice
 from taxel.live.station.alarm_watch import stall_words
-from taxel.live.station.beats import Beat
+from taxel.live.station.beats import Beat, Work
 from taxel.live.station.guard import NO_GRASP, STALL, STOP, Guard
 
 STAGES = ("capture", "source", "hand over", "wait", "model", "alarm")
@@ -26,6 +26,9 @@ taken it, until the model begins, until it has decided, until the supervisor has
 _OVERHEAD = ("source", "hand over", "wait", "alarm")
 _KEPT = 2000
 """Decisions kept for percentiles. Source: our choice."""
+_SILENT_S = 1.0
+"""A process without a sign of life for so long, beside the patience that it asked for, is not shown
+as running. Source: our choice."""
 _WEIGH_S = 1.0
 """How often percentiles are computed. Source: our choice."""
 
@@ -115,9 +118,11 @@ def stalled_snapshot(newest: dict[str, Any], still_s: float, now_s: float) -> di
 
 
 def consumer_snapshot(name: str, beat: Beat, now_s: float) -> dict[str, Any]:
-    """Return how one process does, as the page's link gives it."""
+    """Return how one process does, as the page's link gives it; "silent" where it hangs."""
+    age_s = now_s - beat.beat_s
+    hangs = beat.work is Work.RUNNING and age_s > beat.patience_s + _SILENT_S
     return {
         "name": name, "consumed": beat.consumed, "dropped": beat.dropped,
-        "produced": beat.produced, "beat_age_s": now_s - beat.beat_s,
-        "state": beat.work.name.lower(),
+        "produced": beat.produced, "beat_age_s": age_s,
+        "state": "silent" if hangs else beat.work.name.lower(),
     }  # fmt: skip

@@ -340,6 +340,8 @@ class Station:
             self._recorder.keep_slip(note)
             self.skipped = max(self.skipped, int(note["skipped"]))
             self._report_late_cameras(note, now_s)
+        elif note["kind"] in ("waiting", "level"):
+            self.answers.keep(note)
         elif note["kind"] == "news":
             self.say(note["text"])
         else:
@@ -349,8 +351,7 @@ class Station:
                 self._happened(now_s, news)
 
     def _report_late_cameras(self, note: dict[str, Any], now_s: float) -> None:
-        late = note.get("late") or {}
-        if late:
+        if late := note.get("late"):
             text = ", ".join(f"{name} is {1000 * s:.0f} ms late" for name, s in late.items())
             self.guard.trouble("late camera", text, now_s, danger=False)
         elif "time_s" in note:
@@ -374,9 +375,9 @@ class Station:
         for monitor in wiring.monitors:
             for who in monitor.watchers:
                 self.guard.expect(who, now_s)
-        every = [entry for monitor in wiring.monitors for entry in monitor.bundles]
-        own = [entry for entry in every if entry["kind"] == "answer"]
+        own = [e for monitor in wiring.monitors for e in monitor.bundles if e["kind"] == "answer"]
         self.answers = Answers(own, self.config.rules)
+        wiring.levels = self.answers.levels
         stall_s = self.config.interlock.stall_s
         self.add_process(
             "alarm watch", watch, lambda place: AlarmWatch(place=place, stall_s=stall_s),

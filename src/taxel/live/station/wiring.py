@@ -142,6 +142,8 @@ class Wiring:
         """Ring of the page's requests."""
         for path in config.bundles:  # before anything is opened
             read_own_contract(path, config.trust)
+        self.levels: dict[str, dict[str, Any]] = {}
+        """Recogniser → where its session's level stands; a process started again goes on there."""
         self._checksums = {path: checksum_of(path) for path in config.bundles}
         for number, url in enumerate(config.sources):
             _check_whole(url)
@@ -265,7 +267,7 @@ class Wiring:
                 ring=feed.ring, source_row=feed.worker.row, decisions=decisions,
                 least_confidence=self._config.least_confidence, orders=orders,
                 drill=self._config.drill, trust=self._config.trust,
-                device=self._config.device,
+                device=self._config.device, levels=dict(self.levels),
             )  # fmt: skip
 
         heard = self._stack.enter_context(RingReader(decisions))

@@ -56,8 +56,7 @@ class TrialMember:
     make: Callable[[int, int, int], Any]
     """Seed, number of trees and number of columns → a scikit-learn classifier."""
     prior: float = 1.0
-    """How much of its kind's weight it has before any trial is seen; 0 leaves that to the inner
-    folds."""
+    """How much of its kind's weight it has before any trial is seen, above 0."""
     mirrored: bool = False
     """Whether it learns from mirror images of the crops too; it is never asked about them."""
     further: bool = False
@@ -69,11 +68,13 @@ class TrialMember:
 
     @property
     def kind(self) -> str:
-        """What it sees: movement only, the plain picture or the network only, or look, all else."""
+        """What it sees: movement only, one of the plain picture, the network and the touch encoder
+        only, or look, all else.
+        """
         if set(self.views) <= {"pixels", "slip"}:
             return "movement"
         (first, *others) = self.views
-        return first if first in ("picture", "network") and not others else "look"
+        return first if first in ("picture", "network", "touch") and not others else "look"
 
     def columns(self, cameras: int, widths: Mapping[str, int]) -> NDArray[np.intp]:
         """Return which columns of all views, side by side in their order, it sees."""
@@ -141,7 +142,7 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
     ),
     TrialMember(
         name="logistic on the touch encoder", views={"touch": ()},
-        make=lambda seed, trees, width: Logistic(0.001), prior=0.0,
+        make=lambda seed, trees, width: Logistic(0.001),
     ),
 )  # fmt: skip
 """What is blended. The forest, as the bar is, counts more: on objects apart it is often best.
@@ -211,7 +212,7 @@ def fit_blend(
     held_out, losses = held_out[:, better], [losses[i] for i in better]
     members, columns = [members[i] for i in better], [columns[i] for i in better]
     prior = np.array([member.prior for member in members])
-    weights = prior / prior.sum() if prior.any() else np.full(len(members), 1 / len(members))
+    weights = prior / prior.sum()
     sharpness, inner = 1.0, {}
     if len(y):
         kinds = np.array([member.kind for member in members])

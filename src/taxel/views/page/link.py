@@ -38,16 +38,19 @@ class StationLink(Protocol):
             slip: {slip_mm, slip_rate_mm_s, …, slip_seen}, or None where nothing follows it;
             thresholds (may be left out): {warn, clear, unstable}, 0…1;
             alarms: list of {kind, text, level ("warning" or "danger"), since_s, acknowledged};
-            answers: list of {target, label, confidence 0…1, reason, action (may be left out)};
+            answers: list of {target, label, confidence 0…1, reason, action and time_s (may be left
+                out)}; time_s is of the station's clock, an empty label that of no answer yet;
             sources: list of {name, url, kind ("array" or "cameras"), state ("live",
-                "reconnecting", "stale", "frozen", "late", "gone", "ended"), rate_hz, nominal_hz,
-                produced, lost, note};
+                "reconnecting", "stale", "frozen", "late", "gone", "silent", "ended"), rate_hz,
+                nominal_hz, produced, lost, note};
             consumers: list of {name, consumed, dropped, beat_age_s, state};
             latency_ms: {stage: [p50, p95, p99]}, milliseconds;
             gripper: {interlock, armed, force_n, commanded_n, motion, note}, or None;
             recording: {on, path, seconds, bytes, error};
             cameras: list of {name, width, height};
-            array: {name, channels, unit, rows}, or None;
+            array: {name, channels, unit, rows, and, may be left out: gap_s, after which the newest
+                row is not shown as the present, and scale, of what the hand's numbers are per
+                cent}, or None;
             do (may be left out): {word, why, since_s}: what the person is to do, or None;
             trial (may be left out): {number, alarm_s, reaction, reaction_time_s, outcome} of the
                 grasp that is watched, or None;

@@ -3,7 +3,7 @@
 import { duration } from "./state.js";
 
 const STOPS = [[20, 24, 60], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
-const QUIET_MS = 500; // A camera without a new image for so long says so on its picture.
+export const QUIET_MS = 500; // A camera without a new image for so long says so on its picture.
 const INK = "#8b98ab";
 
 function colour(share) {
@@ -84,6 +84,7 @@ export function drawHand(canvas, row, names) {
   if (!row || width < 10) return;
   const size = Math.min(width / 5.2, height / 4.4);
   const gap = size * 0.12;
+  const top = Math.max(0, (height - 4.4 * size) / 2);
   const left = (width - 4 * size * 1.2) / 2;
   const rise = [0.45, 0.12, 0, 0.28];
   pen.textAlign = "center";
@@ -92,7 +93,7 @@ export function drawHand(canvas, row, names) {
     const x = left + finger * size * 1.2 + size * 0.1;
     for (let joint = 0; joint < 3; joint += 1) {
       const share = row[finger * 3 + joint];
-      const y = (2 - joint) * (size + gap) + rise[finger] * size;
+      const y = top + (2 - joint) * (size + gap) + rise[finger] * size;
       cell(pen, x, y, size, size, share === null ? NaN : share, joint === 2 ? size * 0.42 : size * 0.16);
       if (Number.isFinite(share)) {
         pen.fillStyle = share > 0.55 ? "#0b0e14" : "#e6ebf2";
@@ -100,7 +101,7 @@ export function drawHand(canvas, row, names) {
       }
     }
     pen.fillStyle = INK;
-    pen.fillText(name, x + size / 2, Math.min(height - 3, 3 * (size + gap) + rise[finger] * size + size * 0.28));
+    pen.fillText(name, x + size / 2, Math.min(height - 3, top + 3 * (size + gap) + rise[finger] * size + size * 0.28));
   });
 }
 

@@ -12,12 +12,15 @@ export async function enter() {
   return answer.ok ? "" : "needed the key: open the address that taxel printed";
 }
 
+const GOING_AWAY = 1001, RESTARTING = 1012; // how a server that is asked to end closes, RFC 6455
+
 /** One connection that comes back by itself. */
 export class Link {
   /** `on`: {push(message), image(camera, blob), other(message), gone(reason)}. */
   constructor(on) {
     this.on = on;
     this.socket = null;
+    this.ended = false; // the server said goodbye, as where the station's time is over
     this.waitMs = 250;
   }
 
@@ -30,7 +33,7 @@ export class Link {
         return;
       }
     } catch {
-      this.on.gone("the station does not answer");
+      this.on.gone(this.silence());
       this.again();
       return;
     }
@@ -40,10 +43,15 @@ export class Link {
     socket.onmessage = (event) => this.take(socket, event.data);
     socket.onclose = (event) => {
       this.socket = null;
-      this.on.gone(event.reason || "the station does not answer");
+      this.ended = event.code === GOING_AWAY || event.code === RESTARTING;
+      this.on.gone(event.reason || this.silence());
       this.again();
     };
     this.socket = socket;
+  }
+
+  silence() {
+    return this.ended ? "the station has ended" : "the station does not answer";
   }
 
   again(waitMs = this.waitMs) {
@@ -60,6 +68,7 @@ export class Link {
     const message = JSON.parse(data);
     if ("number" in message) {
       this.waitMs = 250;
+      this.ended = false;
       socket.send(JSON.stringify({ do: "seen", number: message.number }));
       this.on.push(message);
     } else {

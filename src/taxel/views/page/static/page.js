@@ -1,6 +1,6 @@
 // The operator's page: joins the wire, the drawing and the keys. It holds no state of the gripper.
 
-import { Cameras, drawHand, drawMap, fingers } from "./images.js";
+import { Cameras, QUIET_MS, drawHand, drawMap, fingers } from "./images.js";
 import { OUTCOMES, REACTIONS, Voice, doing, drawDoing, drawPerson, drawPlan, wirePerson } from "./doing.js";
 import { wireKeys } from "./keys.js";
 import { Link } from "./link.js";
@@ -8,7 +8,7 @@ import { $, drawAlarms, drawAnswers, drawGripper, drawLatency, drawNumber, drawP
 import { colours, probabilityTrace, sensorTrace } from "./plots.js";
 import { Replay } from "./replay.js";
 import { Sound } from "./sound.js";
-import { Freshness, alarmedSince, duration, evidence, slipWords, shown, sounding } from "./state.js";
+import { Freshness, ageWords, alarmedSince, duration, evidence, slipWords, shown, sounding } from "./state.js";
 
 const TABLES_MS = 250; // Tables of figures change at most so often: faster cannot be read.
 const fresh = new Freshness();
@@ -22,6 +22,7 @@ let probability = null;
 let sensors = null;
 let arrayKey = "";
 let hand = null;
+let touchMs = -Infinity; // when the array's newest row came
 let dirty = false;
 let tablesMs = -Infinity;
 
@@ -69,6 +70,7 @@ function takeTraces(next) {
     sensors?.clear();
   }
   lastTime = next.time_s ?? lastTime;
+  if (next.sensors?.t?.length) touchMs = performance.now();
   const map = next.map ?? traces?.map ?? null;
   traces = { ...next, map };
   layOut();
@@ -91,12 +93,14 @@ function layOut() {
   show($("verdicts"), Boolean(verdicts));
   show($("right"), Boolean(eyes.length || array || verdicts));
   if (!probability && !snapshot.replay) probability = probabilityTrace($("probability").querySelector(".chart"));
+  if (probability) probability.bare = snapshot.state === "NONE";
   const key = JSON.stringify(array);
   if (array && key !== arrayKey) {
     arrayKey = key;
     hand = fingers(array.channels);
     show($("handpanel"), hand !== null);
     $("maprows").textContent = array.rows || 12;
+    $("handscale").textContent = `% of ${array.scale || "full scale"}`;
     const inks = colours(array.channels, hand !== null);
     $("sensorsname").textContent = `${array.name}, ${array.unit}`;
     const names = hand || array.channels.slice(0, 12);
@@ -123,12 +127,29 @@ function watch() {
   if (!["LOST", "REPLAY", "PLAN"].includes(view.kind) && Number.isFinite(snapshot.since_s)) {
     since = `for ${duration(snapshot.time_s - snapshot.since_s)}`;
   }
+  if (view.kind === "HAND") {
+    const age = ageWords((snapshot.answers || [])[0], snapshot.time_s);
+    since = age && `answered ${age}`;
+  }
   drawState(view, since);
   sound.want(sounding(view, snapshot), now, alarmedSince(snapshot));
   const advice = doing(view, snapshot);
   drawDoing(advice, snapshot);
   voice.want(advice, now);
-  cameras.describe(now, view.kind === "REPLAY" || view.kind === "LOST");
+  const still = view.kind === "REPLAY" || view.kind === "LOST";
+  cameras.describe(now, still);
+  describeTouch(now, still);
+}
+
+/** Say across map and hand that no values come: what they show is then not the present. */
+function describeTouch(now, still) {
+  if (!snapshot?.array) return;
+  const age = now - touchMs;
+  let text = "";
+  if (!Number.isFinite(touchMs)) text = still ? "" : "NO VALUES YET";
+  else if (!still && age > Math.max(QUIET_MS, 1000 * (snapshot.array.gap_s || 0))) text = `NO NEW VALUES FOR ${duration(age / 1000)}`;
+  if ($("touchnote").textContent !== text) $("touchnote").textContent = text;
+  $("touch").classList.toggle("silent", text !== "");
 }
 
 function draw() {
@@ -155,7 +176,7 @@ function draw() {
   drawPills(snapshot);
   drawStreams(snapshot.sources || [], snapshot.consumers || []);
   drawLatency(snapshot.latency_ms || {});
-  drawAnswers(snapshot.answers || []);
+  drawAnswers(snapshot.answers || [], snapshot.time_s);
   drawGripper(snapshot.gripper ?? null);
   show($("health"), ["streams", "latency", "recording"].some((id) => !$(id).hidden));
   fieldsFor(snapshot.label_fields || ["object", "session", "operator"]);
@@ -217,6 +238,7 @@ $("recordform").addEventListener("submit", (event) => {
 });
 $("help").addEventListener("click", () => $("helpbox").showModal());
 wireKeys({ acknowledge, disarm, record: () => snapshot?.recording && record(), mute: () => sound.toggle(), speak: () => voice.toggle(), onlyDoing, letter, say, help: () => $("helpbox").showModal(), replay });
+addEventListener("resize", () => (dirty = true)); // pictures are drawn anew, also when nothing comes
 setInterval(watch, 100);
 watch();
 draw();

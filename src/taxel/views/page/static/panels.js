@@ -1,6 +1,6 @@
 // The panels of words and tables: each draws one part of the snapshot, and hides where there is none.
 
-import { count, duration, number, size } from "./state.js";
+import { ageWords, count, duration, number, size } from "./state.js";
 
 export const $ = (id) => document.getElementById(id);
 
@@ -48,7 +48,17 @@ export function drawState(view, since) {
   if ($("since").textContent !== since) $("since").textContent = since;
 }
 
+let heard = new Set();
+/** Say a new alarm to whoever listens to the page: the list itself changes each second. */
+function announce(alarms) {
+  const open = alarms.filter((alarm) => !alarm.acknowledged).map((alarm) => alarm.kind);
+  const fresh = alarms.filter((alarm) => !alarm.acknowledged && !heard.has(alarm.kind));
+  heard = new Set(open);
+  if (fresh.length) $("heard").textContent = fresh.map((alarm) => `${alarm.level === "danger" ? "Danger" : "Warning"}: ${alarm.text || alarm.kind}`).join(". ");
+}
+
 export function drawAlarms(alarms, now) {
+  announce(alarms);
   const open = alarms.some((alarm) => !alarm.acknowledged);
   show($("noalarms"), alarms.length === 0);
   $("acknowledge").disabled = !open;
@@ -67,7 +77,7 @@ export function drawAlarms(alarms, now) {
 }
 
 const GOOD = new Set(["live", "ok", "alive", "running"]);
-const MARKS = { live: "●", ok: "●", alive: "●", running: "●", ended: "■", gone: "✕", frozen: "❄", stale: "◌", late: "◔", reconnecting: "↻" };
+const MARKS = { silent: "✕", live: "●", ok: "●", alive: "●", running: "●", ended: "■", gone: "✕", frozen: "❄", stale: "◌", late: "◔", reconnecting: "↻" };
 
 function mark(state) {
   return `${MARKS[state] || "▲"} ${state}`;
@@ -102,11 +112,13 @@ export function drawLatency(stages) {
   });
 }
 
-export function drawAnswers(answers) {
+export function drawAnswers(answers, now) {
   show($("answers"), answers.length > 0);
-  once("answers", answers, () => {
+  const ages = answers.map((one) => ageWords(one, now));
+  const shown = answers.map((one, i) => [one.target, one.label, one.confidence, one.reason, one.action, ages[i]]);
+  once("answers", shown, () => {
     $("answerlist").replaceChildren(
-      ...answers.map((one) => {
+      ...answers.map((one, i) => {
         const made = make("div", "answer");
         made.append(make("span", "note", one.target), make("strong", "", one.label || "–"));
         const known = Number.isFinite(one.confidence);
@@ -114,7 +126,7 @@ export function drawAnswers(answers) {
         const fill = make("span");
         fill.style.width = `${known ? one.confidence * 100 : 0}%`;
         bar.append(fill);
-        made.append(bar, make("span", "n", known ? `${Math.round(one.confidence * 100)} %` : "–"), make("span", "note why", one.action ? `→ ${one.action}` : one.reason || ""));
+        made.append(bar, make("span", "n", known ? `${Math.round(one.confidence * 100)} %` : "–"), make("span", "note why", [ages[i], one.action ? `→ ${one.action}` : one.reason].filter(Boolean).join(": ")));
         return made;
       }),
     );

@@ -150,7 +150,9 @@ export function probabilityTrace(place) {
     }
   };
   const series = [{ stroke: "#6db8ff", width: 2, fill: "rgba(109,184,255,0.12)", points: { show: false } }];
-  const trace = new Trace(place, series, { range: [0, 1.02], splits: () => [0, 0.25, 0.5, 0.75, 1], values: (_, all) => all.map((v) => v.toFixed(2)), over });
+  const values = (_, all) => all.map((v) => (trace?.bare ? "" : v.toFixed(2))); // events alone have no scale
+  let trace = null;
+  trace = new Trace(place, series, { range: [0, 1.02], splits: () => [0, 0.25, 0.5, 0.75, 1], values, over });
   return Object.assign(trace, {
     mark(more, limits, newest) {
       if (limits) thresholds = limits;

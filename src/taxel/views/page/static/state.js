@@ -56,9 +56,16 @@ function trial(plan) {
 function hand(snapshot) {
   const answer = (snapshot.answers || [])[0];
   const named = answer && answer.label && answer.label !== "UNKNOWN";
-  const word = named ? String(answer.label).toUpperCase() : answer ? "UNKNOWN" : "NO ANSWER YET";
+  const waits = !answer || answer.label === "";
+  const word = named ? String(answer.label).toUpperCase() : waits ? "NO ANSWER YET" : "UNKNOWN";
   const why = answer ? [answer.target, named ? "" : answer.reason] : [];
-  return { kind: "HAND", word, reason: [...why, "no grasp is watched"].filter(Boolean).join("; ") };
+  return { kind: "HAND", word, reason: [...why, waits && answer ? "" : "no grasp monitor runs"].filter(Boolean).join("; ") };
+}
+
+/** How old an answer is, such as "3 s ago"; empty of a present one, or where that is not known. */
+export function ageWords(answer, now) {
+  const age = Number.isFinite(answer?.time_s) ? now - answer.time_s : 0;
+  return age >= 1 ? `${duration(Math.floor(age)).replace(".0", "")} ago` : "";
 }
 
 /** Return "warning", "danger", "lost" or "": what should sound. */
