@@ -230,7 +230,8 @@ def _crop_words(data: Row) -> str:
     words = number_of(data["crop"], "frame")
     if every > 1:
         words = f"{number_of(data['crop'], 'image')}, one in {every} frames,"
-    return words + " of the part in which something moves" * data.get("of_moving_part", False)
+    moving = " of the part in which something moves" if data.get("of_moving_part") else ""
+    return words + moving
 
 
 def _trials(data: Row) -> Html:
