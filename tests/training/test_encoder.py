@@ -18,7 +18,7 @@ from taxel.training.encoder.change import FLOW_PLACES, FLOW_PX, changes, slip_si
 from taxel.training.encoder.fit import EncoderConfig, fit_encoder
 from taxel.training.encoder.pretext import regularity
 from taxel.training.encoder.videos import TouchVideo, chosen_frames, without
-from taxel.windows.trial_crops import Layout
+from taxel.windows.trial_layout import Layout
 
 SHORT = EncoderConfig(epochs=2, steps=2, batch=4, seed=3)
 

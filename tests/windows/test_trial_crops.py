@@ -13,13 +13,12 @@ from taxel.windows.trial_crops import (
     PIXELS,
     SLIP,
     STATISTICS,
-    Layout,
     Scene,
     look_at,
     numbers_of,
     row_of,
 )
-from taxel.windows.trial_layout import choose_layout, count_between
+from taxel.windows.trial_layout import Layout, choose_layout, count_between
 
 PLACES = (3, 4)
 

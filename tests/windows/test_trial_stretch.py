@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from taxel.windows.trial_crops import Layout
-from taxel.windows.trial_layout import choose_layout
+from taxel.windows.trial_layout import Layout, choose_layout
 from taxel.windows.trial_stretch import Changes, changes_of, moving_part, part_of
 
 FRAMES, FIRST, BEHIND = 200, 60, 120

@@ -30,7 +30,8 @@ from taxel.errors import BadBundle
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.models.devices import CPU
 from taxel.plain_text import number_of
-from taxel.windows.trial_crops import FAMILIES, PLACES, Layout
+from taxel.windows.trial_crops import FAMILIES, PLACES
+from taxel.windows.trial_layout import Layout
 from taxel.windows.trial_network import FEATURES, IMAGES, SIDE_PX, Network
 
 FORMAT = 1
@@ -38,6 +39,8 @@ IN_RUN = "recogniser.taxel"
 """The bundle within the folder of a run of camera trials."""
 _MOST_CAMERAS, _MOST_FRAMES, _LARGEST_SIDE, _MOST_CLASSES = 16, 10_000, 8192, 10_000
 """Bounds of what a contract may say. Source: our choice."""
+_LONGEST_SPAN = 100_000
+"""Frames of a crop, with those between its images. Source: our choice."""
 _MEMBERS = ("trials.json", "model.onnx", "check_rows.npy", "check_told.npy")
 _NETWORK = ("network.onnx", "check_look.npy")
 """What a bundle holds whose crops are looked at through an image network."""
@@ -295,16 +298,25 @@ def _contract(entries: Fields) -> TrialContract:
     places = entries.count("places", 1, len(PLACES))
     if places not in (1, len(PLACES)):
         raise ValueError("places are neither 1 nor 3")
-    moving = entries.flag("moving")
-    if moving and places == 1:
+    layout = Layout(
+        crop=entries.count("crop", 1, _MOST_FRAMES),
+        places=places,
+        moving=entries.flag("moving"),
+        step=entries.count("step", 1, _MOST_FRAMES),
+    )
+    if layout.moving and places == 1:
         raise ValueError("a single crop, of a part of a trial")
+    if layout.step > 1 and layout.crop == 1:
+        raise ValueError("a step from a crop's only image to its next")
+    if layout.span > _LONGEST_SPAN:  # live, that many frames are kept
+        raise ValueError(f"crops of {layout.span} frames, more than {_LONGEST_SPAN}")
     return TrialContract(
         target=entries.text("target"),
         classes=classes,
-        crop=entries.count("crop", 1, _MOST_FRAMES),
+        crop=layout.crop,
         places=places,
-        moving=moving,
-        step=entries.count("step", 1, _MOST_FRAMES),
+        moving=layout.moving,
+        step=layout.step,
         views=views,
         versions=versions,
         cameras=entries.count("cameras", 1, _MOST_CAMERAS),

@@ -144,12 +144,12 @@ class TrialWatch:
         Args:
             mark: The trial's stretch: what was seen outside of it is left out. None takes all.
         """
+        started = perf_counter()
         if mark is not None:
             self._cut(mark)
         if not self._count:
             self.reset()
             return None
-        started = perf_counter()
         gone = None if self._gone is None else self._gone.verdict
         verdict = self._bad_verdict() or gone or self._whole()
         answer = TrialAnswer(
@@ -168,6 +168,10 @@ class TrialWatch:
         self._count = len(self._sets)
         if self._count < self.bundle.contract.layout.span:
             self._verdict = self._too_few()
+        elif not inside[0]:  # changes are measured from the trial's own first moment
+            self._changes = Changes(self.bundle.contract.layout.step)
+            for own in self._sets:
+                self._compare(own)
 
     def _compare(self, found: FrameSet) -> None:
         """Hear how much a moment's images differ from those before, where crops depend on it."""

@@ -7,7 +7,6 @@ images or single ones, which are read where they lie. Knows nothing about crops,
 from __future__ import annotations
 
 import hashlib
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -71,7 +70,8 @@ class CameraTrial:
         return {number: image for number, image in found if number in needed}
 
     def crops(self, starts: Sequence[int], span: int, step: int = 1) -> Iterator[list[list[Image]]]:
-        """Yield crops: the images of each camera. Memory is that of the frames a crop spans.
+        """Yield crops: the images of each camera. Memory is that of the images of crops that
+        overlap, whatever they span.
 
         Args:
             starts: First image of each crop, ascending.
@@ -79,13 +79,19 @@ class CameraTrial:
             step: Frames from an image to the next.
         """
         streams = [self.read(camera) for camera in range(len(self.cameras))]
-        held: list[deque[Image]] = [deque(maxlen=span) for _ in streams]
+        held: list[dict[int, Image]] = [{} for _ in streams]
+        crops = [range(start, start + span, step) for start in starts]
+        wanted: set[int] = set().union(*crops)
         read = 0
-        for start in starts:
+        for crop in crops:
             for own, stream in zip(held, streams, strict=True):
-                own.extend(islice(stream, start + span - read))
-            read = start + span
-            yield [list(own)[::step] for own in held]
+                for number in [number for number in own if number < crop.start]:
+                    del own[number]
+                for number, image in enumerate(islice(stream, crop.start + span - read), read):
+                    if number in wanted:
+                        own[number] = image
+            read = crop.start + span
+            yield [[own[number] for number in crop] for own in held]
 
     def moments(self) -> Iterator[tuple[Image, ...]]:
         """Yield the images of all cameras, a moment after another.

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from taxel.gel.slip_signal import TREND_FEATURES, GelSlip
 from taxel.gel.touch_poses import TouchFollower
-from taxel.plain_text import number_of
 from taxel.windows import trial_network as network
 from taxel.windows import trial_picture as picture
 from taxel.windows.touch_view import FEATURES as TOUCH_FEATURES
@@ -76,61 +75,6 @@ MOVES: Final[tuple[str, ...]] = (
 """Of each frame: how object and gel have moved since the crop's first frames, turns in radians."""
 STILLS: Final = THUMB[0] * THUMB[1] + GRID[0] * GRID[1] * (EDGES + 3)
 """Columns of a still: grey thumb, edges by direction and place, colour by place."""
-
-
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """How trials are cut, the same for all of a set."""
-
-    crop: int
-    """Images in a crop."""
-    places: int
-    """1 or 3 crops a trial."""
-    moving: bool = False
-    """Whether three crops are taken from the part of a trial in which something moves, as
-    `taxel.windows.trial_stretch` finds it, or from all of it."""
-    step: int = 1
-    """Frames from a crop's image to its next."""
-
-    @property
-    def span(self) -> int:
-        """Frames from a crop's first image to its last, both counted."""
-        return (self.crop - 1) * self.step + 1
-
-    @property
-    def words(self) -> str:
-        """What a crop is, such as "48 frames", or "48 images, one in 4 of 189 frames"."""
-        if self.step > 1:
-            return f"{self.crop} images, one in {self.step} of {self.span} frames"
-        return number_of(self.crop, "frame")
-
-    def starts(self, part: range) -> list[int]:
-        """Return the first frames of a trial's crops, in the order of `PLACES`.
-
-        Args:
-            part: Frames that crops are taken from, as many as one spans or more.
-        """
-        last = len(part) - self.span
-        return [part.start + at for at in (0, last // 2, last)][: self.places]
-
-    def between(self, part: range, count: int) -> list[int]:
-        """Return the first frames of crops between the places, evenly apart.
-
-        As many whatever a trial's length; none where a trial is one crop.
-
-        Args:
-            part: Frames that crops are taken from.
-            count: How many, even: half of them before the middle crop.
-        """
-        last, each = len(part) - self.span, count // 2
-        parts = [*range(1, each + 1), *range(each + 2, 2 * each + 2)]
-        starts = [part.start + last * at // (2 * each + 2) for at in parts]
-        return starts if self.places > 1 else []
-
-    @property
-    def every(self) -> int:
-        """Frames after which a running trial is looked at again: half a crop."""
-        return max(1, self.span // 2)
 
 
 @dataclass(frozen=True, slots=True)

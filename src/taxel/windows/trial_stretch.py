@@ -17,11 +17,12 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taxel.windows.trial_crops import Layout, small_grey
+from taxel.windows.trial_crops import small_grey
+from taxel.windows.trial_layout import Layout
 
 Image = NDArray[np.uint8]
 VERSION: Final = "changes-2"
-"""Of what `Changes` measures, for names in a cache."""
+"""Of what `Changes` measures and of how a part is found by it, for names in a cache."""
 SMOOTHED: Final = 5
 """Steps of the running mean of changes. Source: our choice, docs/decisions/0041."""
 AT_REST: Final = 0.25

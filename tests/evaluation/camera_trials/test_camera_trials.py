@@ -36,18 +36,17 @@ from taxel.errors import BadBundle, BadDataset, BadInput, BadSplit, BadTable
 from taxel.evaluation.camera_trials.contenders import BAR, FIRST_FRAME, OURS, contenders_for
 from taxel.evaluation.camera_trials.crossval import difference, judge_trials, score_trials
 from taxel.evaluation.camera_trials.sides import split_by_table, split_trials
-from taxel.evaluation.camera_trials.trial_set import load_trial_set
+from taxel.evaluation.camera_trials.trial_set import Sight, load_trial_set
 from taxel.recordings.imports.video_rows import read_video_rows
 from taxel.recordings.imports.videos import import_videos
 from taxel.windows.camera_trials import are_camera_trials, read_camera_trials
 from taxel.windows.trial_crops import (
     FAMILIES,
-    Layout,
     Scene,
     look_at,
     row_of,
 )
-from taxel.windows.trial_layout import choose_layout
+from taxel.windows.trial_layout import Layout, choose_layout
 
 
 @pytest.fixture(autouse=True)
@@ -365,3 +364,14 @@ def test_images_that_are_nearly_a_line_are_refused(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("camera:gel,label:kind\n0.npy,a\n1.npy,b\n")
     with pytest.raises(BadDataset, match="by a factor of at most 100; got 640×2"):
         load_trial_set(read_camera_trials(tmp_path / "t.csv"), None, tmp_path / "cache")
+
+
+def test_trials_are_loaded_without_their_looks_whatever_their_lengths(tmp_path: Path) -> None:
+    """Of equal lengths, the first frames of the first crops were asked of a view not there."""
+    table = write_trials(tmp_path / "a", objects=2, each=2, frames=9, write=as_avi)
+    read = read_camera_trials(table)
+    views = Sight(views=("pixels",))
+    whole = load_trial_set(read, "slipped", tmp_path / "kept")
+    alone = load_trial_set(read, "slipped", tmp_path / "kept", sight=views)
+    assert alone.layout == Layout(9, 1)
+    assert np.array_equal(alone.first, whole.first)

@@ -39,7 +39,8 @@ class TrialOptions:
     test: Path | None = None
     """Further trials, used only for testing: a table, or a folder of recordings."""
     crop: int | None = None
-    """Frames in a crop; as many as the shortest trial has, at most 48, unless given."""
+    """Images in a crop; as many as the shortest trial has, at most 48, unless given. Of fast
+    cameras about 25 a second are taken."""
     touch: bool = False
     """Use features of the touch encoder too; all of its extra work takes about 2 ms for each
     image."""

@@ -35,7 +35,8 @@ from taxel.training.encoder.fit import GAIN, GRAIN, JITTER, LEVEL
 from taxel.training.encoder.videos import STRETCHES, TouchVideo, chosen_frames, small
 from taxel.training.frames.features import default_cache, load_kept, save_kept
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import FAMILIES, LAG, STATISTICS, Layout, numbers_of, small_grey
+from taxel.windows.trial_crops import FAMILIES, LAG, STATISTICS, numbers_of, small_grey
+from taxel.windows.trial_layout import Layout
 
 Image = NDArray[np.uint8]
 SEED: Final = 59

@@ -28,8 +28,8 @@ from taxel.training.camera_trials.features import (
 from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.learning import Extras, Learning
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import LARGEST_RATIO, MOVEMENT, THUMB, USUAL, Layout, thumb_of
-from taxel.windows.trial_layout import choose_layout, count_between, count_shifted
+from taxel.windows.trial_crops import LARGEST_RATIO, MOVEMENT, THUMB, USUAL, thumb_of
+from taxel.windows.trial_layout import Layout, choose_layout, count_between, count_shifted
 from taxel.windows.trial_shifts import ASKED, SHIFTED
 
 Rows = NDArray[np.float32]
@@ -226,7 +226,7 @@ def load_trial_set(
 
 def _first_looks(trials: Sequence[CameraTrial], layout: Layout, cut: TrialRows) -> Rows:
     """Return each trial's first frame, 8×6 grey, shape (trials, cameras · 48)."""
-    if not layout.moving:
+    if not layout.moving and "stills" in cut.shown:
         return np.asarray(thumbs_of(cut)[cut.place == 0], np.float32)
     looks = [
         [thumb_of(trial.images(camera, [0])[0]) for camera in range(len(trial.cameras))]

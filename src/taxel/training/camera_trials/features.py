@@ -21,12 +21,12 @@ from taxel.training.frames.features import load_kept, save_kept
 from taxel.windows.camera_trials import CameraTrial, Image
 from taxel.windows.trial_crops import (
     FAMILIES,
-    Layout,
     Scene,
     look_at,
     row_of,
     rows_alone,
 )
+from taxel.windows.trial_layout import Layout
 from taxel.windows.trial_shifts import VERSION, WHOLE, looked_at, shifted
 from taxel.windows.trial_stretch import VERSION as CHANGES
 from taxel.windows.trial_stretch import changes_of, part_of

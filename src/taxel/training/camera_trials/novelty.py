@@ -57,8 +57,8 @@ class Novelty:
         squeezed = Squeezed.of(rows[:, columns])
         alike = squeezed.apply(rows[:, columns]).astype(np.float64)
         spread, axes = _main_axes(alike)
-        wide = int((spread > NARROWEST * spread[0]).sum())  # equal crops have fewer than rows
-        count = max(1, min(DIRECTIONS, len(rows) - 1, wide))
+        wide = int((spread > NARROWEST * spread.max(initial=0.0)).sum())  # fewer of equal crops
+        count = min(DIRECTIONS, len(rows) - 1, len(axes), max(1, wide))
         scale = np.sqrt(len(rows)) / np.maximum(spread[:count], 1e-6)
         directions = (axes[:count].T * scale).astype(np.float32)
         return Novelty(columns, squeezed, directions, (alike @ directions).astype(np.float32))
