@@ -281,7 +281,7 @@ def predict_crop(
     return probabilities[0], float(novelty[0])
 
 
-def _changes(trial: CameraTrial, step: int) -> list[tuple[float, float]]:
+def _changes(trial: CameraTrial, step: int) -> list[tuple[float, float, float]]:
     return changes_of(trial.moments(), step)
 
 

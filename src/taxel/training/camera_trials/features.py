@@ -207,10 +207,10 @@ def _changes(trial: CameraTrial, step: int, cache: Path) -> NDArray[np.float32]:
     """Return how much each frame of a trial differs from others, from the cache where it has it.
 
     Returns:
-        Shape (frames, 2), as `taxel.windows.trial_stretch.Changes` measures it.
+        Shape (frames, 3), as `taxel.windows.trial_stretch.Changes` measures it.
     """
     file = cache / "trials" / f"{CHANGES}-by-{step}" / f"{trial.digest[:32]}.npy"
-    values = load_kept(file, 2)
+    values = load_kept(file, 3)
     if values is None or len(values) != trial.frames:
         values = np.array(changes_of(trial.moments(), step), np.float32)
         save_kept(file, values)
