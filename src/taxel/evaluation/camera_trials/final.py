@@ -114,7 +114,7 @@ def fit_final(
         both.astype(np.float32),
         None if network is None else network.model,
     )
-    weights = {m.name: float(w) for m, w in zip(blend.members, blend.weights, strict=True)}
+    weights = {m.words: float(w) for m, w in zip(blend.members, blend.weights, strict=True)}
     return FinalRecogniser(
         bundle=bundle, parity=parity, members=weights, inner=blend.inner, trials=len(learned)
     )

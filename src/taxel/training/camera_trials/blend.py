@@ -67,6 +67,11 @@ class TrialMember:
     """Whether it may learn from shifted copies of the crops too; inner folds decide."""
 
     @property
+    def words(self) -> str:
+        """Its name, and whether it learned from shifted copies."""
+        return f"{self.name}{' with shifted copies' * self.shifted}"
+
+    @property
     def kind(self) -> str:
         """What it sees: movement only, one of the plain picture, the network and the touch encoder
         only, or look, all else.
