@@ -31,7 +31,7 @@ from taxel.training.choose.costs import KnownCosts
 from taxel.training.choose.fit_choice import fit_choice, predict_blend
 from taxel.training.choose.inner_folds import what_is_held
 from taxel.training.choose.joining import join
-from taxel.training.choose.limits import USUAL_LIMITS, Fitted, Limits, fit_within
+from taxel.training.choose.limits import USUAL_LIMITS, FittedBlend, Limits, fit_within
 from taxel.training.choose.preparations import Prepared
 from taxel.training.choose.search import Effort, SearchResult, choose
 from taxel.training.predictions import Predictions
@@ -101,7 +101,7 @@ def check_choosing(
     effort: Effort,
     bars: Sequence[str] = (),
     limits: Limits = USUAL_LIMITS,
-    known: tuple[SearchResult, Fitted] | None = None,
+    known: tuple[SearchResult, FittedBlend] | None = None,
 ) -> Nested:
     """Choose, train and test in each fold of a split.
 
