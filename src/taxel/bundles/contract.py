@@ -324,7 +324,7 @@ def _window(data: Any) -> Any:
 
 
 def _scaling(given: Fields, channels: int) -> Scaling:
-    kind: ScalingKind = given.choice("kind", get_args(ScalingKind))  # type: ignore[assignment]
+    kind: ScalingKind = given.choice("kind", get_args(ScalingKind))
     offset, factor = (
         given.array(name, (channels,)).astype(np.float32) for name in ("offset", "factor")
     )

@@ -305,7 +305,7 @@ def _contract(entries: Fields) -> GraspContract:
     offset, factor = (entries.array(name, (rows, columns)) for name in ("offset", "factor"))
     if offset.shape != factor.shape:
         raise ValueError("offset and factor differ in length")
-    tare: Tare = entries.choice("tare", get_args(Tare))  # type: ignore[assignment]
+    tare: Tare = entries.choice("tare", get_args(Tare))
     return GraspContract(
         features=features,
         weights=entries.text("weights"),
