@@ -7,6 +7,7 @@ Knows nothing about cameras, files or models.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -48,12 +49,7 @@ def encode_jpeg(rgb: NDArray[np.uint8], quality: int = JPEG_QUALITY) -> bytes:
         BadInput: It is no such image of uint8.
         ValueError: The coder refused it, as one too large for the format.
     """
-    _check_colour(rgb)
-    bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
-    done, coded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])
-    if not done:
-        raise ValueError(f"needed an image that JPEG can hold; got shape {rgb.shape}")
-    return coded.tobytes()
+    return _encoded(rgb, "JPEG", ".jpg", [cv2.IMWRITE_JPEG_QUALITY, quality])
 
 
 def decode_jpeg(jpeg: bytes, camera: CameraInfo | None) -> NDArray[np.uint8]:
@@ -106,12 +102,7 @@ def encode_png(rgb: NDArray[np.uint8]) -> bytes:
         BadInput: It is no such image of uint8.
         ValueError: The coder refused it, as one too large for the format.
     """
-    _check_colour(rgb)
-    bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
-    done, coded = cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, _PNG_EFFORT])
-    if not done:
-        raise ValueError(f"needed an image that PNG can hold; got shape {rgb.shape}")
-    return coded.tobytes()
+    return _encoded(rgb, "PNG", ".png", [cv2.IMWRITE_PNG_COMPRESSION, _PNG_EFFORT])
 
 
 def decode_grey_quarter(jpeg: bytes, camera: CameraInfo | None) -> NDArray[np.uint8]:
@@ -210,6 +201,21 @@ def decode_still(image: bytes) -> NDArray[np.uint8]:
     if bgr is None:
         raise BadSource("images that can be read", "a damaged one", "copy it again")
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+
+
+def _encoded(rgb: NDArray[np.uint8], kind: str, ending: str, options: Sequence[int]) -> bytes:
+    """Return an image of colours coded as a kind of file.
+
+    Raises:
+        BadInput: It is no such image of uint8.
+        ValueError: The coder refused it.
+    """
+    _check_colour(rgb)
+    bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
+    done, coded = cv2.imencode(ending, bgr, options)
+    if not done:
+        raise ValueError(f"needed an image that {kind} can hold; got shape {rgb.shape}")
+    return coded.tobytes()
 
 
 def _check_colour(rgb: NDArray[Any]) -> None:

@@ -17,10 +17,11 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.bundles.envelope import reading_contract
 from taxel.decisions.joining import MEAN, Joining
 from taxel.decisions.still_channels import Motion, motion_from_json, motion_to_json
 from taxel.decisions.unknown import Unknown, unknown_from_json, unknown_to_json
-from taxel.errors import BadBundle, BadFile, BadInput
+from taxel.errors import BadBundle, BadInput
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.foreign.records import record_of
 from taxel.plain_text import number_of
@@ -251,12 +252,8 @@ def contract_from_json(text: str | bytes) -> Contract:
     Raises:
         BadBundle: A field is missing, unknown, or of the wrong kind, length or range.
     """
-    try:
+    with reading_contract(f"a bundle of format {FORMAT}"):
         return _contract(parse_json(text))
-    except BadFile as error:
-        raise _another(error.got) from error
-    except ValueError as error:
-        raise _another(str(error)) from error
 
 
 def _contract(data: Any) -> Contract:
@@ -327,7 +324,7 @@ def _window(data: Any) -> Any:
 
 
 def _scaling(given: Fields, channels: int) -> Scaling:
-    kind: ScalingKind = given.choice("kind", get_args(ScalingKind))  # type: ignore[assignment]
+    kind: ScalingKind = given.choice("kind", get_args(ScalingKind))
     offset, factor = (
         given.array(name, (channels,)).astype(np.float32) for name in ("offset", "factor")
     )
@@ -344,11 +341,3 @@ def _unknown(data: object, channels: int) -> Unknown:
     if len(found.level) != channels:
         raise ValueError(f"the test for the unknown is not of {number_of(channels, 'channel')}")
     return found
-
-
-def _another(got: str) -> BadBundle:
-    return BadBundle(
-        f"a bundle of format {FORMAT}",
-        f"another ({got})",
-        "write it again with taxel bundle, or update taxel if a newer version wrote it",
-    )

@@ -233,6 +233,25 @@ def damaged(path: Path, what: str) -> BadBundle:
     )
 
 
+@contextmanager
+def reading_contract(wanted: str) -> Iterator[None]:
+    """Turn what a contract's reader raises into the words for bundles.
+
+    Args:
+        wanted: The kind of bundle and its format, in words.
+
+    Raises:
+        BadBundle: The reader raised a ValueError, of which a BadFile is one.
+    """
+    try:
+        yield
+    except ValueError as error:
+        raise BadBundle(
+            wanted, f"another ({error.got if isinstance(error, BadFile) else error})",
+            "write it again with taxel bundle, or update taxel if a newer version wrote it",
+        ) from error  # fmt: skip
+
+
 def to_npy(array: NDArray[Any]) -> bytes:
     """Return an array of any shape as a member's bytes, a .npy file."""
     raw = io.BytesIO()

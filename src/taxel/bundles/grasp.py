@@ -20,6 +20,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.bundles.check_windows import other_windows, refuse_other_probabilities
 from taxel.bundles.contract import LARGEST_DIFFERENCE, RATE_RANGE
 from taxel.bundles.engine import (
     Engine,
@@ -30,6 +31,7 @@ from taxel.bundles.envelope import (
     damaged,
     from_npy,
     pack,
+    reading_contract,
     to_npy,
     unpack,
 )
@@ -37,7 +39,7 @@ from taxel.bundles.model_check import check_model
 from taxel.bundles.model_trial import Trial, try_models
 from taxel.bundles.signing import Trust
 from taxel.decisions.stability import StabilityConfig
-from taxel.errors import BadBundle, BadFile
+from taxel.errors import BadBundle
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.foreign.records import record_of
 from taxel.gel.rim_slip import WITH_RIM
@@ -239,13 +241,7 @@ def read_grasp_bundle(
         check_model(trial.model)
     try_models(trials)
     head = open_engine(members["head.onnx"], threads=1, device=device)
-    difference = _difference(head, features, expected)
-    if not difference <= LARGEST_DIFFERENCE:
-        raise BadBundle(
-            f"its check windows to give the stored probabilities within {LARGEST_DIFFERENCE:g}",
-            f"a difference of {difference:.2g} on this machine",
-            "write the bundle again here, or report this machine's processor",
-        )
+    refuse_other_probabilities(_difference(head, features, expected))
     backbone = None
     if needs_backbone:
         backbone = open_engine(members["backbone.onnx"], threads=threads, device=device)
@@ -287,12 +283,8 @@ def contract_from_json(text: str | bytes) -> GraspContract:
     Raises:
         BadBundle: A field is missing, unknown, or of the wrong kind, length or range.
     """
-    try:
+    with reading_contract(f"a grasp bundle of format {FORMAT}"):
         return _contract(Fields(parse_json(text), "the contract"))
-    except BadFile as error:
-        raise _another(error.got) from error
-    except ValueError as error:
-        raise _another(str(error)) from error
 
 
 def _contract(entries: Fields) -> GraspContract:
@@ -313,7 +305,7 @@ def _contract(entries: Fields) -> GraspContract:
     offset, factor = (entries.array(name, (rows, columns)) for name in ("offset", "factor"))
     if offset.shape != factor.shape:
         raise ValueError("offset and factor differ in length")
-    tare: Tare = entries.choice("tare", get_args(Tare))  # type: ignore[assignment]
+    tare: Tare = entries.choice("tare", get_args(Tare))
     return GraspContract(
         features=features,
         weights=entries.text("weights"),
@@ -337,14 +329,6 @@ def _contract(entries: Fields) -> GraspContract:
     )
 
 
-def _another(got: str) -> BadBundle:
-    return BadBundle(
-        f"a grasp bundle of format {FORMAT}",
-        f"another ({got})",
-        "write it again with taxel bundle, or update taxel if a newer version wrote it",
-    )
-
-
 def _check_shapes(contract: GraspContract, features: NDArray[Any], expected: NDArray[Any]) -> None:
     """Refuse check windows that are not the contract's.
 
@@ -355,10 +339,7 @@ def _check_shapes(contract: GraspContract, features: NDArray[Any], expected: NDA
     window = (n, contract.frames, len(contract.offset), len(contract.offset[0]))
     for name, array, shape in (("features", features, window), ("probabilities", expected, (n,))):
         if not n or array.shape != shape or array.dtype != np.float32:
-            raise BadBundle(
-                f"check {name} of shape {shape}", f"{array.dtype} of shape {array.shape}",
-                "write the bundle again with taxel bundle",
-            )  # fmt: skip
+            raise other_windows(name, shape, array)
 
 
 def _difference(

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.contract import LARGEST_DIFFERENCE, Contract, contract_from_json
+from taxel.bundles.check_windows import other_windows, refuse_other_probabilities
+from taxel.bundles.contract import Contract, contract_from_json
 from taxel.bundles.engine import largest_difference
 from taxel.bundles.envelope import from_npy, unpack
 from taxel.bundles.model_check import check_model
@@ -139,13 +140,7 @@ def read_bundle(
             f"probabilities of {len(contract.classes)} classes", f"{computed.shape} from the model",
             "write the bundle again with taxel bundle",
         )  # fmt: skip
-    difference = largest_difference(computed, expected)
-    if not difference <= LARGEST_DIFFERENCE:
-        raise BadBundle(
-            f"its check windows to give the stored probabilities within {LARGEST_DIFFERENCE:g}",
-            f"a difference of {difference:.2g} on this machine",
-            "write the bundle again here, or report this machine's processor",
-        )
+    refuse_other_probabilities(largest_difference(computed, expected))
     return bundle
 
 
@@ -172,7 +167,4 @@ def _check_shapes(
               ("probabilities", expected, (n, len(contract.classes)), "f"))  # fmt: skip
     for name, array, shape, kind in wanted:
         if not n or array.shape != shape or array.dtype.kind != kind or array.dtype.itemsize > 4:
-            raise BadBundle(
-                f"check {name} of shape {shape}", f"{array.dtype} of shape {array.shape}",
-                "write the bundle again with taxel bundle",
-            )  # fmt: skip
+            raise other_windows(name, shape, array)

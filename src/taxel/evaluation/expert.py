@@ -34,7 +34,7 @@ from taxel.training.choose.fit_choice import fit_choice
 from taxel.training.choose.inner_folds import Held, what_is_held, with_all
 from taxel.training.choose.kept_tries import KeptTries
 from taxel.training.choose.levels import level_note
-from taxel.training.choose.limits import USUAL_LIMITS, Fitted, Limits, fit_within
+from taxel.training.choose.limits import USUAL_LIMITS, FittedBlend, Limits, fit_within
 from taxel.training.choose.preparations import Prepared, live_note, prepare, prepare_all
 from taxel.training.choose.search import Effort, SearchResult, choose
 from taxel.training.environment import Provenance, code_digest, environment
@@ -161,7 +161,7 @@ def train_expert(
     on_step(f"choosing on {_PART if same else _ALL}")
     search = choose(base, prepared, learned, _held(base, folds, learned), effort)
 
-    def fitted_on(which: str) -> Fitted:
+    def fitted_on(which: str) -> FittedBlend:
         on_step(f"training what was chosen on {which}")
         return fit_within(search, learned, limits, seed=seed, pieces=effort.pieces)
 
@@ -229,7 +229,7 @@ def _held(base: Base, split: Split, learned: Sequence[int]) -> Held:
 
 def _within(
     found: SearchResult,
-    fitted: Fitted,
+    fitted: FittedBlend,
     own: Sequence[int],
     nested: Nested | None,
     limits: Limits,

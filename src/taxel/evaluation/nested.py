@@ -29,9 +29,9 @@ from taxel.training.choose.base import Base
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.costs import KnownCosts
 from taxel.training.choose.fit_choice import fit_choice, predict_blend
-from taxel.training.choose.inner_folds import what_is_held
+from taxel.training.choose.inner_folds import Held, what_is_held
 from taxel.training.choose.joining import join
-from taxel.training.choose.limits import USUAL_LIMITS, Fitted, Limits, fit_within
+from taxel.training.choose.limits import USUAL_LIMITS, FittedBlend, Limits, fit_within
 from taxel.training.choose.preparations import Prepared
 from taxel.training.choose.search import Effort, SearchResult, choose
 from taxel.training.predictions import Predictions
@@ -101,7 +101,7 @@ def check_choosing(
     effort: Effort,
     bars: Sequence[str] = (),
     limits: Limits = USUAL_LIMITS,
-    known: tuple[SearchResult, Fitted] | None = None,
+    known: tuple[SearchResult, FittedBlend] | None = None,
 ) -> Nested:
     """Choose, train and test in each fold of a split.
 
@@ -133,12 +133,8 @@ def check_choosing(
             tried, fitted = known
         else:
             held = what_is_held(base.trials, base.y, train, test, split.key)
-            tried = choose(base, prepared, train, held, replace(effort, on_step=say))
-            say("training what was chosen")
-            with effort.budget.training():
-                fitted = fit_within(
-                    tried, train, limits, seed=effort.seed, cost=costs, pieces=effort.pieces
-                )
+            own_effort = replace(effort, on_step=say)
+            tried, fitted = _choose_and_fit(base, prepared, train, held, own_effort, limits, costs)
         choice, prepared_windows = fitted.choice, tried.part.prepared
         tested.append(_test(base, fitted.blend, choice, prepared_windows, test))
         index = tested[-1].index
@@ -160,6 +156,25 @@ def check_choosing(
         },
         bars_s=bars_s,
     )  # fmt: skip
+
+
+def _choose_and_fit(
+    base: Base,
+    prepared: Sequence[Prepared],
+    train: list[int],
+    held: Held,
+    effort: Effort,
+    limits: Limits,
+    costs: KnownCosts,
+) -> tuple[SearchResult, FittedBlend]:
+    """Return what was tried on a fold's training part, and what was chosen, trained on it."""
+    tried = choose(base, prepared, train, held, effort)
+    effort.on_step("training what was chosen")
+    with effort.budget.training():
+        fitted = fit_within(
+            tried, train, limits, seed=effort.seed, cost=costs, pieces=effort.pieces
+        )
+    return tried, fitted
 
 
 def worse_than_judged(choice: Choice, nested: Nested | None) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ DEEPEST = 32
 """Lists and objects within one another; taxel's own files stay below 10. Source: our choice."""
 _LONGEST_INTEGER = 20
 """Characters: what 64 bits hold, and a sign."""
+_Word = TypeVar("_Word", bound=str)
 _LARGEST_32 = float(np.finfo(np.float32).max)
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 _BRACKET_OR_STRING = re.compile(r'[\[\]{}]|"(?:[^"\\]|\\.)*"')
@@ -163,10 +164,11 @@ class Fields:
             self._wrong(name, f"a whole number{_range(low, high)}")
         return int(value)
 
-    def choice(self, name: str, known: Iterable[str]) -> str:
-        """Return one of the known texts."""
+    def choice(self, name: str, known: Iterable[_Word]) -> _Word:
+        """Return one of the known texts, of their type."""
         value, words = self.text(name), tuple(known)
-        return value if value in words else self._wrong(name, f"one of {', '.join(words)}")
+        found = next((word for word in words if word == value), None)
+        return self._wrong(name, f"one of {', '.join(words)}") if found is None else found
 
     def items(self, name: str) -> list[Any]:
         """Return a list of anything."""

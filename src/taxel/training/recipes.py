@@ -52,6 +52,18 @@ _GLOVE_TRAIN = TrainConfig(
 )
 """Chosen inside one training part, docs/decisions/0011."""
 
+_GLOVE = Recipe(
+    summary="the TENG glove, five TENG channels and three angles",
+    window=_GLOVE_WINDOW,
+    model="touchnet",
+    target="sign",
+    split="group:file",
+    train=_GLOVE_TRAIN,
+    train_stride=20,
+    train_steps=480,
+    members=3,
+)
+
 RECIPES: dict[str, Recipe] = {
     "array": Recipe(
         summary="any array: each scan a row, no gate",
@@ -87,27 +99,11 @@ RECIPES: dict[str, Recipe] = {
         train=TrainConfig(epochs=25),
         train_stride=12,
     ),
-    "teng-glove": Recipe(
-        summary="the TENG glove, five TENG channels and three angles",
-        window=_GLOVE_WINDOW,
-        model="touchnet",
-        target="sign",
-        split="group:file",
-        train=_GLOVE_TRAIN,
-        train_stride=20,
-        train_steps=480,
-        members=3,
-    ),
-    "teng-glove-touch": Recipe(
+    "teng-glove": _GLOVE,
+    "teng-glove-touch": replace(
+        _GLOVE,
         summary="the TENG glove, its five TENG channels alone",
-        window=replace(_GLOVE_WINDOW, channels=("Data0", "Data1", "Data2", "Data3", "Data4")),
-        model="touchnet",
-        target="sign",
-        split="group:file",
-        train=_GLOVE_TRAIN,
-        train_stride=20,
-        train_steps=480,
-        members=3,
+        window=replace(_GLOVE.window, channels=("Data0", "Data1", "Data2", "Data3", "Data4")),
     ),
     "icub-grasp": Recipe(
         summary="iCub grasps, a whole grasp a window, tared by its first row",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
@@ -24,6 +24,9 @@ from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
 from taxel.held import only_writer
 from taxel.plain_text import number_of
+
+if TYPE_CHECKING:
+    from taxel.evaluation.checked import Checked
 
 OF_A_RECIPE = (
     "split", "test", "fold-count", "model", "members", "comparators", "output", "fresh",
@@ -152,25 +155,30 @@ class Evaluate:
 
             write_checked_report(self.html, checked)
         if self.json:
-            result: dict[str, Any] = {
-                "target": recipe.target,
-                "model": recipe.model,
-                "classes": checked.dataset.classes(recipe.target),
-                "windows": len(checked.dataset),
-                "trials": len(checked.dataset.trials),
-                "notes": checked.dataset.notes,
-                "result": asdict(checked.pooled),
-                "bars": {name: asdict(bar_) for name, bar_ in checked.bars.items()},
-                "trivial": checked.trivial,
-                "folds_kept": checked.kept,
-                "comparator_folds_kept": checked.cached,
-            }
-            print_json(result)
+            print_json(_as_record(checked))
             return
         print_checked(checked)
         if checked.cached:
             folds = number_of(checked.cached, "fold")
             say(f"library models kept for {folds}; --fresh fits them again")
+
+
+def _as_record(checked: Checked) -> dict[str, Any]:
+    """Return a cross-validation as plain values, for --json."""
+    recipe = checked.recipe
+    return {
+        "target": recipe.target,
+        "model": recipe.model,
+        "classes": checked.dataset.classes(recipe.target),
+        "windows": len(checked.dataset),
+        "trials": len(checked.dataset.trials),
+        "notes": checked.dataset.notes,
+        "result": asdict(checked.pooled),
+        "bars": {name: asdict(bar) for name, bar in checked.bars.items()},
+        "trivial": checked.trivial,
+        "folds_kept": checked.kept,
+        "comparator_folds_kept": checked.cached,
+    }
 
 
 def _is_bundle_file(path: Path) -> bool:

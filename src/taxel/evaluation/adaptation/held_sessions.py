@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
 from taxel.jobs.running import side_by_side
-from taxel.training.exemplars import Exemplars, thin_out
+from taxel.training.exemplars import Exemplars, all_exemplars, thin_out
 from taxel.training.fitting import Fitted, Job, TrainingSet, fit_model
 from taxel.training.recipes import Recipe, find_recipe
 from taxel.training.run import Run, contract_of
@@ -97,6 +97,35 @@ def by_session(
 
     by_job = side_by_side(work, jobs, report, config.workers)
     return [point for points in by_job for point in points]
+
+
+@dataclass(frozen=True, slots=True)
+class HeldSession:
+    """A data set of which one session is held out."""
+
+    dataset: Dataset
+    classes: Sequence[str]
+    """Of the target, sorted."""
+    train: Exemplars
+    """Windows of all other sessions."""
+    windows: Exemplars
+    """Those of the session."""
+    number: int
+    """Of the session among all, sorted, from 0: the seed of what is drawn for it."""
+
+
+def hold_out(path: Path, config: AdaptConfig, target: str, session: str) -> HeldSession:
+    """Return a data set with one session held out.
+
+    Raises:
+        BadDataset: The recordings do not make such a data set.
+    """
+    dataset = load_dataset(path, config.recipe.window, target=target)
+    classes = dataset.classes(target)
+    everything = all_exemplars(dataset, classes, target)
+    own = everything.session == session
+    number = sorted(set(everything.session)).index(session)
+    return HeldSession(dataset, classes, everything[~own], everything[own], number)
 
 
 def run_of(

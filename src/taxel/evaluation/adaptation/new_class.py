@@ -29,6 +29,7 @@ from taxel.evaluation.adaptation.held_sessions import (
     STATISTICS,
     AdaptConfig,
     by_session,
+    hold_out,
     predicted,
     renumbered,
     run_of,
@@ -43,10 +44,9 @@ from taxel.training.adapt.last_layer import (
     features_of,
     with_last,
 )
-from taxel.training.exemplars import Exemplars, all_exemplars
+from taxel.training.exemplars import Exemplars
 from taxel.training.loop import Labelled, TrainConfig, fit, new_network
 from taxel.training.run import Run
-from taxel.windows.dataset import load_dataset
 
 _KINDS: dict[str, FeatureKind] = {CHOSEN: "auto", BODY: "body", STATISTICS: "statistics"}
 _STEPS = 40
@@ -101,11 +101,8 @@ def measure_new_class(
 def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> list[GraspsPoint]:
     """Measure with one session held out; runs in a process of its own."""
     torch.set_num_threads(1)
-    dataset = load_dataset(path, config.recipe.window, target=target)
-    classes = dataset.classes(target)
-    everything = all_exemplars(dataset, classes, target)
-    test = everything[everything.session == session]
-    train = everything[everything.session != session]
+    held = hold_out(path, config, target, session)
+    dataset, classes, train, test = held.dataset, held.classes, held.train, held.windows
     started = perf_counter()
     full = run_of(dataset, train, classes, target, config.recipe)
     full_s = perf_counter() - started

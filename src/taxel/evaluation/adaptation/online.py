@@ -16,6 +16,7 @@ import torch
 from taxel.evaluation.adaptation.held_sessions import (
     AdaptConfig,
     by_session,
+    hold_out,
     predicted,
     run_of,
     windows_of,
@@ -23,8 +24,7 @@ from taxel.evaluation.adaptation.held_sessions import (
 from taxel.evaluation.adaptation.pads import ALL, draw_gains
 from taxel.training.adapt.correcting import learn_corrections
 from taxel.training.adapt.new_data import Grasps
-from taxel.training.exemplars import Exemplars, all_exemplars
-from taxel.windows.dataset import load_dataset
+from taxel.training.exemplars import Exemplars
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +67,12 @@ def measure_online(
 def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> list[OnlinePoint]:
     """Measure with one session held out; runs in a process of its own."""
     torch.set_num_threads(1)
-    dataset = load_dataset(path, config.recipe.window, target=target)
-    classes = dataset.classes(target)
-    everything = all_exemplars(dataset, classes, target)
-    train = everything[everything.session != session]
-    run = run_of(dataset, train, classes, target, config.recipe)
+    held = hold_out(path, config, target, session)
+    classes, train, windows = held.classes, held.train, held.windows
+    run = run_of(held.dataset, train, classes, target, config.recipe)
     assert run.exemplars is not None
-    windows = everything[everything.session == session]
     order = np.array(list(dict.fromkeys(windows.grasp)))
-    rng = np.random.default_rng(sorted(set(everything.session)).index(session))
+    rng = np.random.default_rng(held.number)
     gain = draw_gains(rng, ALL, windows.values.shape[2])
     points = []
     for changed in (False, True):

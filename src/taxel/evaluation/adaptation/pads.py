@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import at_level
 from taxel.bundles.levels import measure_level
-from taxel.evaluation.adaptation.held_sessions import AdaptConfig, by_session, run_of
+from taxel.evaluation.adaptation.held_sessions import AdaptConfig, by_session, hold_out, run_of
 from taxel.evaluation.metrics import by_trial
 from taxel.evaluation.robustness.touches import recorded
 from taxel.labels.joined import joined_label
@@ -82,15 +82,14 @@ def measure_pads(
 def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> list[PadPoint]:
     """Measure with one session held out; runs in a process of its own."""
     torch.set_num_threads(1)
-    dataset = load_dataset(path, config.recipe.window, target=target)
-    classes = dataset.classes(target)
-    everything = all_exemplars(dataset, classes, target)
+    held = hold_out(path, config, target, session)
+    classes = held.classes
     file = next(
         path for path in list_recordings(path) if read_manifest(path).groups["session"] == session
     )
-    run = run_of(dataset, everything[everything.session != session], classes, target, config.recipe)
+    run = run_of(held.dataset, held.train, classes, target, config.recipe)
     as_it_was = measure_level(file, run.contract, count=3).level
-    rng = np.random.default_rng(sorted(set(everything.session)).index(session))
+    rng = np.random.default_rng(held.number)
     points = []
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         for case in (ONE, ALL):

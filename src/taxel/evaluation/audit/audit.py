@@ -6,7 +6,7 @@ Knows nothing about files, screens or how single checks work.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -126,12 +126,7 @@ def audit(
         facts.append(order)
     else:
         waiting += order
-    corrected = holm(
-        [reading.evidence.p if isinstance(reading, Reading) else reading.p for reading in waiting]
-    )
-    facts += [
-        reading.finding(p, len(waiting)) for reading, p in zip(waiting, corrected, strict=True)
-    ]
+    facts += _findings_of(waiting)
     facts.append(near_names(case))
     return Audit(
         data=data,
@@ -174,6 +169,14 @@ def _copies(case: Case) -> list[Finding]:
                                unseen, alike=own))  # fmt: skip
     facts.append(constant_rows(case, {**(same or {}), **near, **turned}))
     return facts
+
+
+def _findings_of(waiting: Sequence[Reading | Gap]) -> list[Finding]:
+    """Return the findings on what was read, their p corrected for how much was (Holm)."""
+    corrected = holm(
+        [reading.evidence.p if isinstance(reading, Reading) else reading.p for reading in waiting]
+    )
+    return [reading.finding(p, len(waiting)) for reading, p in zip(waiting, corrected, strict=True)]
 
 
 def make_case(touch: TouchSet, split: tuple[Pieces, Sides] | None, steps: int, seed: int) -> Case:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadInput
+from taxel.evaluation.robustness.faults import find_fault, refused_level
 from taxel.signals import Samples, SensorInfo, Validity, flag_values
 
 THIRD_HARMONIC = 0.3
@@ -310,12 +310,7 @@ def find_array_fault(name: str) -> ArrayFault:
     Raises:
         BadInput: There is none of this name.
     """
-    if name not in ARRAY_FAULTS:
-        known = "; ".join(
-            f"{key} ({fault.summary}, {fault.unit})" for key, fault in ARRAY_FAULTS.items()
-        )
-        raise BadInput(f"faults among {known}", repr(name), "name one of them")
-    return ARRAY_FAULTS[name]
+    return find_fault(ARRAY_FAULTS, name)
 
 
 def limits_of(fault: ArrayFault, channels: int | None) -> tuple[float, float]:
@@ -335,10 +330,7 @@ def check_level(name: str, fault: ArrayFault, level: float, channels: int | None
     whole = fault.unit not in ("channels", "pairs") or level == round(level)
     if not (low <= level <= high and whole):
         words = "whole numbers" if fault.unit in ("channels", "pairs") else "levels"
-        raise BadInput(
-            f"{words} of {name} within {low:g} and {high:g} {fault.unit}",
-            f"{level:g}", "choose others with --levels",
-        )  # fmt: skip
+        raise refused_level(f"{words} of {name}", (low, high), fault.unit, level)
 
 
 def _shown(touched: Touched, values: NDArray[np.floating]) -> Samples:

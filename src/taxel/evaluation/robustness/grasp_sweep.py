@@ -24,6 +24,7 @@ from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.early_warning.events import RunOutcome, StateTrack, judge
 from taxel.evaluation.intervals import draw_clusters, percentile_interval
 from taxel.evaluation.robustness.curve import CLEAN, FaultPoint, mildest_first
+from taxel.evaluation.robustness.faults import refused_level
 from taxel.evaluation.robustness.image_faults import IMAGE_FAULTS, find_image_fault
 from taxel.evaluation.transitions.data import truth_moments
 from taxel.jobs.running import side_by_side
@@ -238,10 +239,7 @@ def plan_images(
         low, high = fault.limits
         for level in levels:
             if not low <= level <= high:
-                raise BadInput(
-                    f"levels of {name} within {low:g} and {high:g} {fault.unit}",
-                    f"{level:g}", "choose others with --levels",
-                )  # fmt: skip
+                raise refused_level(f"levels of {name}", fault.limits, fault.unit, level)
         plan[name] = mildest_first(levels, fault.levels) or fault.levels
     return plan
 

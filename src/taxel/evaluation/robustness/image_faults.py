@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadInput
+from taxel.evaluation.robustness.faults import find_fault
 from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.gel.markers import MarkerTracker, brightest
 from taxel.gel.scale import ROW_PX
@@ -251,9 +251,4 @@ def find_image_fault(name: str) -> ImageFault:
     Raises:
         BadInput: There is none of this name.
     """
-    if name not in IMAGE_FAULTS:
-        known = "; ".join(
-            f"{key} ({fault.summary}, {fault.unit})" for key, fault in IMAGE_FAULTS.items()
-        )
-        raise BadInput(f"faults among {known}", repr(name), "name one of them")
-    return IMAGE_FAULTS[name]
+    return find_fault(IMAGE_FAULTS, name)

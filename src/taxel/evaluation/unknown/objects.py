@@ -143,12 +143,7 @@ def _one_fold(
 ) -> tuple[Scored, Scored]:
     """Fit on a fold's known trials; score its known test trials and the unknown of other groups."""
     groups = dataset.group(key)
-    training = np.zeros(len(dataset.trials), bool)
-    training[known[sorted(fold.train)]] = True
-    tested = np.zeros(len(dataset.trials), bool)
-    tested[known[sorted(fold.test)]] = True
-    unknown = (kinds != "") & (kinds != "-")
-    tested |= unknown & ~np.isin(groups, groups[training])
+    training, tested = _sides(known, kinds, fold, groups)
     labels = np.array([trial.labels[config.target] for trial in dataset.trials])
     classes = sorted(set(labels[training]))
     train, test = (np.flatnonzero(own[dataset.trial]) for own in (training, tested))
@@ -197,6 +192,17 @@ def _one_fold(
         scored(test, owner, (p_window, novelty), p, trivial),
         scored(trial, trial, (p_grasp, means), joined, by_grasp),
     )
+
+
+def _sides(
+    known: NDArray[np.intp], kinds: NDArray[np.str_], fold: TrialFold, groups: NDArray[np.str_]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which trials are learned from, and which are tested, each of shape (trials,)."""
+    training, tested = np.zeros(len(kinds), bool), np.zeros(len(kinds), bool)
+    training[known[sorted(fold.train)]] = True
+    tested[known[sorted(fold.test)]] = True
+    unknown = (kinds != "") & (kinds != "-")
+    return training, tested | (unknown & ~np.isin(groups, groups[training]))
 
 
 def _ranked(p: NDArray[np.float64], novelty: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -101,6 +101,11 @@ class CsvStream:
         """True once the columns and the rate are known."""
         return self._columns > 0
 
+    @property
+    def confirmed(self) -> bool:
+        """The same: what is watched is scans already."""
+        return self.ready
+
     def feed(self, chunks: Sequence[Chunk]) -> list[Scans]:
         """Take in what came, oldest first; return the scans that it completes."""
         done: list[Scans] = []

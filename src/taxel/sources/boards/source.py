@@ -9,7 +9,7 @@ Background of our choices: docs/decisions/0014.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from taxel.clock import Clock
@@ -62,18 +62,18 @@ class SerialBoards:
         self._ports = [SerialPort(path, self._options.baud, clock) for path in self._options.paths]
         try:
             self._streams = [self._stream(path) for path in self._options.paths]
+            self._wire = [stream for stream in self._streams if isinstance(stream, BoardStream)]
             self._wait_for_all()
             if self._options.format == "wire" and self._options.rate_hz is not None:
                 self._set_rate(round(self._options.rate_hz))
             self._info = self._describe()
-            for stream in self._streams:
-                if isinstance(stream, BoardStream):
-                    stream.settle()
+            for stream in self._wire:
+                stream.settle()
         except BaseException:
             self._close()
             raise
         self._merge = BoardMerge(
-            [self._width(stream) for stream in self._streams],
+            [len(_board_of(stream).channels) for stream in self._streams],
             [stream.ledger for stream in self._streams],
             self._info.rate_hz,
             self._options.late_s,
@@ -142,11 +142,11 @@ class SerialBoards:
 
         `read` takes it in; at most 256 are kept.
         """
-        stream = self._streams[board]
-        if isinstance(stream, CsvStream):
+        if not self._wire:
             return []
-        heard = list(stream.messages)
-        stream.messages.clear()
+        messages = self._wire[board].messages
+        heard = list(messages)
+        messages.clear()
         return heard
 
     def __enter__(self) -> Self:
@@ -200,8 +200,8 @@ class SerialBoards:
         """Ask boards whose hello is wanted for it."""
         wanting = [
             port
-            for port, stream in zip(self._ports, self._streams, strict=True)
-            if isinstance(stream, BoardStream) and stream.wants_hello and port.is_open
+            for port, stream in zip(self._ports, self._wire, strict=False)  # none where they print
+            if stream.wants_hello and port.is_open
         ]
         now_s = self._clock.now_s()
         if wanting and now_s - self._asked_s >= every_s:
@@ -215,7 +215,7 @@ class SerialBoards:
             for port, stream in zip(self._ports, self._streams, strict=True):
                 for scans in stream.feed(port.take()):
                     stream.ledger.early += len(scans.seq)
-            if all(_is_sure(stream) for stream in self._streams):
+            if all(stream.confirmed for stream in self._streams):
                 return
             if self._clock.now_s() >= until_s:
                 break
@@ -266,8 +266,8 @@ class SerialBoards:
 
     def _set_rate(self, rate_hz: int) -> None:
         """Order the boards that scan at another rate to change it, and wait for their hello."""
-        for index, stream in enumerate(self._streams):
-            if isinstance(stream, BoardStream) and _hello(stream).rate_hz != rate_hz:
+        for index, stream in enumerate(self._wire):
+            if _hello(stream).rate_hz != rate_hz:
                 now_us = int(self._clock.now_s() * 1e6) & 0xFFFFFFFF
                 order = Command(
                     board=EVERY_BOARD, seq=1, t_us=now_us, order=Order.SET_RATE, a=rate_hz
@@ -277,7 +277,8 @@ class SerialBoards:
         self._wait_for_all()
 
     def _describe(self) -> SensorInfo:
-        rates = [_rate_of(stream) for stream in self._streams]
+        boards = [_board_of(stream) for stream in self._streams]
+        rates = [board.rate_hz for board in boards]
         csv = self._options.format == "csv"
         if max(rates) / min(rates) - 1.0 > (_SAME_RATE if csv else 0.0):
             raise BadSource(
@@ -285,15 +286,15 @@ class SerialBoards:
                 ", ".join(f"{rate:g} Hz" for rate in rates),
                 "set it for all of them: rate_hz=…",
             )
-        channels = self._options.channels or self._own_names()
-        width = sum(self._width(stream) for stream in self._streams)
+        channels = self._options.channels or self._own_names(boards)
+        width = sum(len(board.channels) for board in boards)
         if len(channels) != width:
             raise BadSource(
                 f"a name for each of {number_of(width, 'channel')}",
                 number_of(len(channels), "name"),
                 "mend channels=",
             )
-        tops = [_top_v(stream) for stream in self._streams if isinstance(stream, BoardStream)]
+        tops = [board.top_v for board in boards if board.top_v is not None]
         return SensorInfo(
             name=self._options.name,
             channels=channels,
@@ -301,54 +302,55 @@ class SerialBoards:
             rate_hz=rates[0],
             full_scale=min(tops, default=self._options.full_scale),
             serial=",".join(stream.ledger.board_id for stream in self._streams).strip(","),
-            details=self._details(),
+            details=self._details(boards),
         )
 
-    def _own_names(self) -> tuple[str, ...]:
-        """Return the boards' own names: of a print's header, else by board and channel."""
-        alone = len(self._streams) == 1
-        names: list[str] = []
-        for number, stream in enumerate(self._streams):
-            if isinstance(stream, CsvStream):
-                names += [name if alone else f"b{number}-{name}" for name in stream.channels]
-            else:
-                names += [f"b{number}-c{i}" for i in range(_hello(stream).channels)]
-        return tuple(names)
+    def _own_names(self, boards: list[_Board]) -> tuple[str, ...]:
+        """Return the boards' own names: of a single print's header, else by board and channel."""
+        alone = self._options.format == "csv" and len(boards) == 1
+        return tuple(
+            name if alone else f"b{number}-{name}"
+            for number, board in enumerate(boards)
+            for name in board.channels
+        )
 
-    def _details(self) -> dict[str, str]:
+    def _details(self, boards: list[_Board]) -> dict[str, str]:
         details = {"format": self._options.format, "baud": str(self._options.baud)}
-        for number, stream in enumerate(self._streams):
-            details[f"board {number}"] = stream.ledger.path
-            if isinstance(stream, BoardStream):
-                hello = _hello(stream)
-                details[f"board {number} says"] = (
-                    f"number {hello.board}, id {hello.board_id or 'none'}, "
-                    f"firmware {stream.ledger.firmware}, {hello.adc_bits} bits, "
-                    f"reference {hello.reference_mv} mV"
-                )
+        for number, (board, path) in enumerate(zip(boards, self._options.paths, strict=True)):
+            details[f"board {number}"] = path
+            if board.says:
+                details[f"board {number} says"] = board.says
         return details
 
-    @staticmethod
-    def _width(stream: BoardStream | CsvStream) -> int:
-        if isinstance(stream, CsvStream):
-            return len(stream.channels)
-        return _hello(stream).channels
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Board:
+    """What a board is: by its hello, or by the lines that it prints."""
+
+    channels: tuple[str, ...]
+    """By its own names, those of a print's header, else c0, c1, …"""
+    rate_hz: float
+    top_v: float | None = None
+    """Of the converter's largest count; None where numbers are printed."""
+    says: str = ""
+    """The rest of its hello, in words."""
 
 
-def _is_sure(stream: BoardStream | CsvStream) -> bool:
-    return stream.confirmed if isinstance(stream, BoardStream) else stream.ready
+def _board_of(stream: BoardStream | CsvStream) -> _Board:
+    """Return what a board is, once it is ready."""
+    if isinstance(stream, CsvStream):
+        return _Board(channels=stream.channels, rate_hz=stream.rate_hz)
+    hello = _hello(stream)
+    return _Board(
+        channels=tuple(f"c{channel}" for channel in range(hello.channels)),
+        rate_hz=float(hello.rate_hz),
+        top_v=volts_a_count(hello) * ((1 << hello.adc_bits) - 1),
+        says=f"number {hello.board}, id {hello.board_id or 'none'}, "
+        f"firmware {stream.ledger.firmware}, {hello.adc_bits} bits, "
+        f"reference {hello.reference_mv} mV",
+    )
 
 
 def _hello(stream: BoardStream) -> Hello:
     assert stream.hello is not None, "asked before the board was ready"
     return stream.hello
-
-
-def _rate_of(stream: BoardStream | CsvStream) -> float:
-    return stream.rate_hz if isinstance(stream, CsvStream) else float(_hello(stream).rate_hz)
-
-
-def _top_v(stream: BoardStream) -> float:
-    """Return the volts of the converter's largest count."""
-    hello = _hello(stream)
-    return volts_a_count(hello) * ((1 << hello.adc_bits) - 1)

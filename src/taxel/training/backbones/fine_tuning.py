@@ -25,7 +25,7 @@ from taxel.errors import MissingExtra
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.frame_network import FrameNetwork
 from taxel.models.torch_engine import enough_memory
-from taxel.training.backbones.lanes import LANES, Lanes, lane_count, prepared, varied
+from taxel.training.backbones.lanes import LANES, Batch, Lanes, lane_count, prepared, varied
 from taxel.training.backbones.pace import check_gradient, pace
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
 from taxel.training.frames.heads import HeadConfig, Track, TrainedHead, fit_head, tracks_of
@@ -281,17 +281,7 @@ def fine_tune(
                 group["lr"] = config.learning_rate * pace(done - 1, config.epochs * steps)
             here = batch.to(fabric.device)
             here = varied(here) if config.varied else here
-            logits, read = model(here.images, here.frames, here.rest)
-            wanted = here.labels.expand_as(logits)
-            loss = functional.binary_cross_entropy_with_logits(logits.float(), wanted)
-            optimiser.zero_grad(set_to_none=True)
-            fabric.backward(loss if excess is None else loss + _misread(read, here.excess))
-            length = fabric.clip_gradients(
-                model, optimiser, max_norm=_MOST_GRADIENT, error_if_nonfinite=False
-            )
-            check_gradient(float(length), done, "a smaller --learning-rate")
-            optimiser.step()
-            found = float(loss.detach())
+            found = _take_step(fabric, model, optimiser, here, done, gauged=excess is not None)
             total, known = total + found * len(here.labels), known + len(here.labels)
             on_step(done, config.epochs * steps, found)
         both = fabric.all_reduce(torch.tensor([total, float(known)]), reduce_op="sum")
@@ -305,6 +295,35 @@ def fine_tune(
         tuple(epoch.loss for epoch in history), fabric.is_global_zero, str(fabric.device),
         fabric.world_size,
     )  # fmt: skip
+
+
+def _take_step(
+    fabric: Any, model: Any, optimiser: Any, batch: Batch, step: int, *, gauged: bool
+) -> float:
+    """Change the weights by one batch; return its loss, without what the gauge adds.
+
+    Args:
+        fabric: In each of torchrun's processes.
+        model: As Fabric has set it up.
+        optimiser: The same.
+        batch: On the model's device.
+        step: Its number, 1 for the first.
+        gauged: Whether the gauge learns too.
+
+    Raises:
+        BadInput: The gradient is no longer a number.
+    """
+    logits, read = model(batch.images, batch.frames, batch.rest)
+    wanted = batch.labels.expand_as(logits)
+    loss = functional.binary_cross_entropy_with_logits(logits.float(), wanted)
+    optimiser.zero_grad(set_to_none=True)
+    fabric.backward(loss + _misread(read, batch.excess) if gauged else loss)
+    length = fabric.clip_gradients(
+        model, optimiser, max_norm=_MOST_GRADIENT, error_if_nonfinite=False
+    )
+    check_gradient(float(length), step, "a smaller --learning-rate")
+    optimiser.step()
+    return float(loss.detach())
 
 
 def _misread(read: Tensor, excess: Tensor) -> Tensor:

@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from taxel.decisions.joining import Joining
 from taxel.errors import BadFile, BadInput
@@ -18,7 +18,7 @@ from taxel.foreign.records import record_of
 from taxel.models.kernel_features import KERNELS
 from taxel.models.touch_blocks import is_block
 from taxel.recordings.whole import write_whole
-from taxel.training.choose.candidates import FAMILIES, Candidate, Family
+from taxel.training.choose.candidates import FAMILIES, Candidate
 from taxel.windows.config import WindowConfig
 
 FORMAT = 1
@@ -145,9 +145,7 @@ def _member(given: Fields) -> Member:
     named = blocks == (KERNELS,) or all(map(is_block, blocks))
     if not known or not named:
         raise ValueError(f"{model} on {', '.join(blocks)}")
-    candidate = Candidate(
-        cast(Family, family), model, raw.text("features"), raw.number("strength", 0.0)
-    )
+    candidate = Candidate(family, model, raw.text("features"), raw.number("strength", 0.0))
     return Member(candidate=candidate, blocks=blocks, weight=given.number("weight", 0.0, 1.0),
                   sharpness=given.number("sharpness", 0.0))  # fmt: skip
 

@@ -62,7 +62,7 @@ USUAL_LIMITS = Limits()
 
 
 @dataclass(frozen=True, slots=True)
-class Fitted:
+class FittedBlend:
     """A trained blend within its limits."""
 
     choice: Choice
@@ -79,7 +79,7 @@ def fit_within(
     seed: int = 0,
     cost: Callable[[Blend, Prepared], Cost] | None = None,
     pieces: Pieces | None = None,
-) -> Fitted:
+) -> FittedBlend:
     """Blend and train; leave out what makes the blend too large or too slow.
 
     Args:
@@ -105,7 +105,7 @@ def fit_within(
         if not units and not large:
             fitted = {key: head for key, head in heads.items() if key[0].family != "network"}
             blend = fit_choice(choice, search.base, prepared, train, seed, fitted)
-            return Fitted(choice, blend, tuple(given_up))
+            return FittedBlend(choice, blend, tuple(given_up))
         if not units:
             heavy = _largest(choice, blend)
             without, names = without | {heavy}, [heavy.name]

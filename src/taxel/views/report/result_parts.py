@@ -46,13 +46,7 @@ def accuracies(
     """
     first = next(iter(runs.values()))
     assert first.predictions is not None
-    # Runs of other windows have other baselines: each run is judged by its own.
-    same = all(run.trivial == first.trivial for run in runs.values())
-    trivial = {
-        what if same else f"{what} ({name})": value
-        for name, run in (list(runs.items())[:1] if same else runs.items())
-        for what, value in run.trivial.items()
-    }
+    trivial = _baselines(runs)
     dots = [
         Dot(
             f"{name} ({run.contract.model})" if run.contract.model not in name else name,
@@ -64,20 +58,7 @@ def accuracies(
     ]
     dots += [Dot(name, value, colour="var(--grey)") for name, value in trivial.items()]
     group = judged[next(iter(runs))].group
-    rows: list[list[object]] = [
-        [
-            name,
-            run.contract.model,
-            percent(judged[name].scores.accuracy),
-            band(*_main_interval(judged[name])),
-            percent(judged[name].trial_accuracy),
-            number(judged[name].scores.loss, 3),
-            number(judged[name].scores.roc_auc, 3),
-            number(judged[name].scores.f1, 3),
-            f"{run.contract.parameters:,}" if run.contract.parameters else "–",
-        ]
-        for name, run in runs.items()
-    ]
+    rows = [_accuracy_row(name, run, judged[name]) for name, run in runs.items()]
     rows += [[name, "", percent(value), "", "", "", "", "", ""] for name, value in trivial.items()]
     return join(
         [
@@ -102,6 +83,36 @@ def accuracies(
             ),
         ]
     )  # fmt: skip
+
+
+def _baselines(runs: Mapping[str, Run]) -> dict[str, float]:
+    """Return the trivial baselines' accuracies, once where they are the same for all runs.
+
+    Runs of other windows have other baselines: each run is judged by its own.
+    """
+    first = next(iter(runs.values())).trivial
+    if all(run.trivial == first for run in runs.values()):
+        return dict(first)
+    return {
+        f"{what} ({name})": value
+        for name, run in runs.items()
+        for what, value in run.trivial.items()
+    }
+
+
+def _accuracy_row(name: str, run: Run, judged: RunScores) -> list[object]:
+    scores, parameters = judged.scores, run.contract.parameters
+    return [
+        name,
+        run.contract.model,
+        percent(scores.accuracy),
+        band(*_main_interval(judged)),
+        percent(judged.trial_accuracy),
+        number(scores.loss, 3),
+        number(scores.roc_auc, 3),
+        number(scores.f1, 3),
+        f"{parameters:,}" if parameters else "–",
+    ]
 
 
 def _lone(judged: RunScores) -> str | None:
