@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +41,8 @@ _MOST_CAMERAS, _MOST_FRAMES, _LARGEST_SIDE, _MOST_CLASSES = 16, 10_000, 8192, 10
 """Bounds of what a contract may say. Source: our choice."""
 _LONGEST_SPAN = 100_000
 """Frames of a crop, with those between its images. Source: our choice."""
+_ROUNDED = 1e-6
+"""How far weights may be from summing to 1: they are written as decimals."""
 _MEMBERS = ("trials.json", "model.onnx", "check_rows.npy", "check_told.npy")
 _NETWORK = ("network.onnx", "check_look.npy")
 """What a bundle holds whose crops are looked at through an image network."""
@@ -87,6 +89,9 @@ class TrialContract:
     of it in older bundles, and where there is one crop."""
     step: int = 1
     """Frames from a crop's image to its next."""
+    weights: Mapping[str, float] = field(default_factory=dict)
+    """Name in `PLACES` → what that crop of a whole trial counts in the mean, summing to 1; empty
+    where there is one crop, and in older bundles, where all count alike."""
     network: str = ""
     """The image network that crops are looked at through, and where its weights come from; empty
     without one."""
@@ -256,6 +261,8 @@ def contract_to_json(contract: TrialContract) -> str:
         del data["moving"]  # likewise
     if contract.step == 1:
         del data["step"]
+    if not contract.weights:
+        del data["weights"]
     return json.dumps(data, indent=1, sort_keys=True, allow_nan=False)
 
 
@@ -268,7 +275,7 @@ def contract_from_json(text: str | bytes) -> TrialContract:
     try:
         data = parse_json(text)
         if isinstance(data, dict):  # what older bundles lack
-            data = {"learned": [], "network": "", "moving": False, "step": 1} | data
+            data = {"learned": [], "network": "", "moving": False, "step": 1, "weights": {}} | data
         return _contract(Fields(data, "the contract"))
     except ValueError as error:  # BadFile is a ValueError
         raise BadBundle(
@@ -281,7 +288,7 @@ def contract_from_json(text: str | bytes) -> TrialContract:
 def _contract(entries: Fields) -> TrialContract:
     if entries.any("format") != FORMAT or entries.any("kind") != "trials":
         raise ValueError("another format or kind")
-    entries.only({field.name for field in fields(TrialContract)} | {"format", "kind"})
+    entries.only({own.name for own in fields(TrialContract)} | {"format", "kind"})
     views, versions = entries.texts("views"), entries.texts("versions")
     network = entries.text("network")
     if not views or set(views) - set(FAMILIES):
@@ -310,6 +317,12 @@ def _contract(entries: Fields) -> TrialContract:
         raise ValueError("a step from a crop's only image to its next")
     if layout.span > _LONGEST_SPAN:  # live, that many frames are kept
         raise ValueError(f"crops of {layout.span} frames, more than {_LONGEST_SPAN}")
+    weights = entries.numbers("weights")
+    if weights and (
+        places == 1 or set(weights) != set(PLACES) or min(weights.values()) < 0
+        or abs(sum(weights.values()) - 1) > _ROUNDED
+    ):  # fmt: skip
+        raise ValueError("weights of crops that are not one for each place, summing to 1")
     return TrialContract(
         target=entries.text("target"),
         classes=classes,
@@ -317,6 +330,7 @@ def _contract(entries: Fields) -> TrialContract:
         places=places,
         moving=layout.moving,
         step=layout.step,
+        weights=weights,
         views=views,
         versions=versions,
         cameras=entries.count("cameras", 1, _MOST_CAMERAS),

@@ -28,7 +28,7 @@ from taxel.plain_text import number_of
 from taxel.signals import CameraInfo, Frame, Mark
 from taxel.windows.camera_trials import CameraTrial
 from taxel.windows.pairs import FrameSet, within
-from taxel.windows.trial_crops import Scene, look_at, row_of
+from taxel.windows.trial_crops import PLACES, Scene, look_at, row_of
 from taxel.windows.trial_stretch import Changes, changes_of, part_of
 
 MOST_FRAMES = 9000
@@ -245,6 +245,7 @@ def verdict_config(bundle: TrialBundle, least_confidence: float = 0.5) -> Verdic
     """Return when a bundle's verdict may be given."""
     return VerdictConfig(
         sharpness=bundle.contract.sharpness,
+        places=tuple(bundle.contract.weights[name] for name in PLACES if bundle.contract.weights),
         threshold=bundle.contract.threshold,
         least_confidence=least_confidence,
     )

@@ -96,7 +96,7 @@ def choose_layout(
     crop: int | None = None,
     *,
     rate_hz: float = CROP_HZ,
-    moving: bool = True,
+    moving: bool = False,
 ) -> Layout:
     """Return crops that fit into the shortest trial.
 
@@ -104,7 +104,8 @@ def choose_layout(
         lengths: Frames of each trial.
         crop: Images in a crop; the shortest trial's frames, `LONGEST_CROP` at most, unless given.
         rate_hz: Frames a second.
-        moving: Whether three crops are taken from the part in which something moves.
+        moving: Whether three crops are taken from the part in which something moves, and of fast
+            cameras one image in several.
 
     Raises:
         BadInput: The crop asked for is too short or too long for a trial.
@@ -119,7 +120,7 @@ def choose_layout(
     chosen = crop or min(shortest, LONGEST_CROP)
     if max(lengths) == chosen:
         return Layout(chosen, 1)
-    step = max(1, min(round(rate_hz / CROP_HZ), shortest // chosen))
+    step = max(1, min(round(rate_hz / CROP_HZ), shortest // chosen)) if moving else 1
     return Layout(chosen, len(PLACES), moving, step)
 
 

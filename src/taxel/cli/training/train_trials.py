@@ -104,6 +104,8 @@ class TrainTrials:
             say(f"warning: {warning}", style="yellow")
         members = ", ".join(f"{name} {share:.2f}" for name, share in about["members"].items())
         say(f"blend, weights by inner folds: {members}")
+        if places := about["crop_weights"]:
+            say("crops, likewise: " + ", ".join(f"{name} {w:.2f}" for name, w in places.items()))
         replaced = ", replaced" if about["replaced"] else ""
         ordered = sorted(trials.classes, key=by_numbers)
         classes = visible_names(ordered)

@@ -101,8 +101,7 @@ def signal_auc(folder: Path, cache: Path, positive: str = "slip") -> SignalScore
         positive: The outcome that should rank high.
     """
     read = read_camera_trials(folder)
-    sight = Sight(views=("moves", "stills"), moving=False)
-    trials = load_trial_set(read, "outcome", cache, sight=sight)
+    trials = load_trial_set(read, "outcome", cache, sight=Sight(views=("moves", "stills")))
     y = (trials.y == trials.classes.index(positive)).astype(np.intp)
     objects = np.array([own["object"] for own in trials.groups])
     rate_hz = np.array([trial.rate_hz for trial in read])[trials.cut.trial]

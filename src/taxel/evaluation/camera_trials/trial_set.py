@@ -50,7 +50,7 @@ class Sight:
     """An image network to look through, too."""
     extras: bool = False
     """Whether further crops and shifted copies are made to learn from."""
-    moving: bool = True
+    moving: bool = False
     """Whether three crops are taken from the part of a trial in which something moves."""
     asked: bool = False
     """Whether a shifted copy of each crop is made to compare models on."""
