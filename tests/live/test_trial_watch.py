@@ -27,7 +27,7 @@ def watch_of(
     """A watch that keeps few frames, of a model that says how many crops it saw before."""
     contract = SimpleNamespace(
         target="fill", classes=("full", "empty"), crop=crop, layout=layout or Layout(crop, 3),
-        sharpness=1.0, threshold=None, check=lambda *_: None,
+        sharpness=1.0, weights={}, threshold=None, check=lambda *_: None,
     )  # fmt: skip
     crops = iter(range(10**6))
     answers = ((np.array([0.9, 0.1]), float(next(crops))) for _ in iter(int, 1))

@@ -55,16 +55,16 @@ def test_crops_lie_at_the_start_in_the_middle_and_at_the_end():
 
 
 def test_crops_fit_into_the_shortest_trial():
-    assert choose_layout([60, 49, 70]) == Layout(48, 3, moving=True)
-    assert choose_layout([47, 60]) == Layout(47, 3, moving=True)
+    assert choose_layout([60, 49, 70]) == Layout(48, 3)
+    assert choose_layout([47, 60]) == Layout(47, 3)
     assert choose_layout([48, 48]) == Layout(48, 1)
-    assert choose_layout([8, 9]) == Layout(8, 3, moving=True)
-    assert choose_layout([20, 30], crop=8) == Layout(8, 3, moving=True)
+    assert choose_layout([8, 9]) == Layout(8, 3)
+    assert choose_layout([20, 30], crop=8) == Layout(8, 3)
     assert choose_layout([20, 20], crop=20) == Layout(20, 1)
     for crop in (7, 21):
         with pytest.raises(BadInput, match="8 to 20 frames"):
             choose_layout([20, 30], crop=crop)
-    assert choose_layout([7, 30]) == Layout(7, 3, moving=True)
+    assert choose_layout([7, 30]) == Layout(7, 3)
     assert choose_layout([1, 1]) == Layout(1, 1)
     with pytest.raises(BadInput, match="3 to 3 frames"):
         choose_layout([3, 30], crop=8)

@@ -127,11 +127,16 @@ def test_changes_are_only_looked_at_where_crops_depend_on_them() -> None:
 
 def test_fast_cameras_are_seen_at_25_images_a_second_as_far_as_the_shortest_trial_allows() -> None:
     """At 100 images a second 48 of them are half a second."""
-    assert choose_layout([500, 900], rate_hz=100.0) == Layout(48, 3, moving=True, step=4)
-    assert choose_layout([100, 900], rate_hz=100.0) == Layout(48, 3, moving=True, step=2)
-    assert choose_layout([60, 900], rate_hz=500.0) == Layout(48, 3, moving=True)
-    assert choose_layout([500, 900], rate_hz=30.0) == Layout(48, 3, moving=True)
-    assert choose_layout([40, 40], rate_hz=500.0) == Layout(40, 1)
+    assert choose_layout([500, 900], rate_hz=100.0, moving=True) == Layout(
+        48, 3, moving=True, step=4
+    )
+    assert choose_layout([100, 900], rate_hz=100.0, moving=True) == Layout(
+        48, 3, moving=True, step=2
+    )
+    assert choose_layout([60, 900], rate_hz=500.0, moving=True) == Layout(48, 3, moving=True)
+    assert choose_layout([500, 900], rate_hz=30.0, moving=True) == Layout(48, 3, moving=True)
+    assert choose_layout([500, 900], rate_hz=100.0) == Layout(48, 3), "unless asked for"
+    assert choose_layout([40, 40], rate_hz=500.0, moving=True) == Layout(40, 1)
     layout = Layout(48, 3, moving=True, step=4)
     assert (layout.span, layout.every) == (189, 94)
     assert layout.starts(range(10, 210)) == [10, 15, 21]

@@ -135,7 +135,7 @@ def test_at_a_trial_s_end_live_takes_crops_from_where_evaluate_does(
     table = write_trials(tmp_path / "a", objects=2, each=4, frames=34, shorter=10, write=as_avi)
     lines = table.read_text().splitlines()
     table.write_text("\n".join([lines[0] + ",rate", *(line + ",60" for line in lines[1:])]) + "\n")
-    options = TrialOptions(fold_count=2, crop=8, cache=tmp_path / "cache")
+    options = TrialOptions(fold_count=2, crop=8, moving_part=True, cache=tmp_path / "cache")
     TrainTrials(trials=table, output=tmp_path / "run", options=options, check=False).run()
     bundle = tmp_path / "run" / IN_RUN
     contract = read_trial_contract(bundle)
@@ -194,13 +194,13 @@ def test_a_side_of_no_name_is_refused(tmp_path: Path) -> None:
 
 def test_the_crop_fits_the_shortest_trial_and_equal_trials_have_one() -> None:
     assert choose_layout([21, 21, 21]) == Layout(21, 1)
-    assert choose_layout([49, 450]) == Layout(48, 3, moving=True)
-    assert choose_layout([30, 90]) == Layout(30, 3, moving=True)
+    assert choose_layout([49, 450]) == Layout(48, 3)
+    assert choose_layout([30, 90]) == Layout(30, 3)
     assert Layout(20, 3).starts(range(100)) == [0, 40, 80]
     assert Layout(21, 1).starts(range(21)) == [0]
     with pytest.raises(BadInput, match="--crop of 8 to 30"):
         choose_layout([30, 90], 31)
-    assert choose_layout([5, 90]) == Layout(5, 3, moving=True)
+    assert choose_layout([5, 90]) == Layout(5, 3)
 
 
 def test_a_crop_gives_the_same_numbers_wherever_it_was_cut() -> None:

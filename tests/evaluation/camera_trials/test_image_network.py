@@ -207,6 +207,9 @@ def test_older_contracts_have_crops_of_whole_trials_and_absurd_layouts_are_refus
     assert contract_from_json(contract_to_json(newer)) == newer
     for wrong in (
         {"moving": True, "places": 1},
+        {"weights": {"first": 0.5, "last": 0.5}},
+        {"weights": {"first": 0.5, "middle": 0.4, "last": 0.2}},
+        {"weights": {"first": 0.5, "middle": 0.7, "last": -0.2}},
         {"step": 0},
         {"step": 10**9},
         {"step": 2, "crop": 1},
