@@ -72,7 +72,7 @@ def trial_tables(
             for place, scores in zip(PLACES, result.places, strict=True)
         ]
         parts.append(_table("by one crop alone", rows))
-        parts += [Text(f"note: {note}") for note in crop_notes(ours)]
+        parts += [Text(f"note: {note}") for note in crop_notes(ours, trials.layout.moving)]
     parts += [Text(_difference_line(difference)) for difference in differences]
     parts += [Text(f"{result.name}: {result.leaks}.") for result in results if result.leaks]
     parts.append(Text(_weakest(trials, split, ours)))
