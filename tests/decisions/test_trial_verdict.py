@@ -23,6 +23,12 @@ def test_the_mean_of_the_crops_decides():
     np.testing.assert_allclose(found.probabilities, [0.4, 0.5, 0.1])
 
 
+def test_crops_count_as_their_places_do_and_alike_while_a_trial_runs():
+    """A running trial gives one mean, of crops that lie elsewhere."""
+    np.testing.assert_allclose(verdict(places=(0.75, 0.25)).probabilities, [0.5, 0.4, 0.1])
+    np.testing.assert_allclose(verdict(places=(0.2, 0.3, 0.5)).probabilities, [0.4, 0.5, 0.1])
+
+
 def test_the_mean_is_sharpened_and_adds_up_to_one():
     """Squares of 0.4, 0.5 and 0.1, over their sum of 0.42."""
     np.testing.assert_allclose(verdict(sharpness=2.0).probabilities, np.array([16, 25, 1]) / 42)

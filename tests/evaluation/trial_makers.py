@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 import taxel.training.camera_trials.blend as blending
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.training.camera_trials.features import TrialRows
-from taxel.windows.trial_crops import PIXELS, STATISTICS, STILLS, Layout, numbers_of
+from taxel.windows.trial_crops import PIXELS, STATISTICS, STILLS, numbers_of
+from taxel.windows.trial_layout import Layout
 from taxel.windows.trial_network import FEATURES
 from taxel.windows.trial_picture import COLUMNS, ROWS
 
@@ -164,4 +165,5 @@ def some_trials(
             trial=trial,
             place=np.tile(np.arange(places), trials),
         ),
+        first=looks[::places, 0, :, :48].reshape(trials, -1),
     )

@@ -7,23 +7,27 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from taxel.errors import BadSource
 from taxel.live import trial_session, trial_watch
 from taxel.live.trial_session import TrialTally, run_trial_session
 from taxel.live.trial_watch import TrialAnswer, TrialWatch
 from taxel.recordings.manifest import NO_ARRAY
 from taxel.signals import CameraInfo, Frame, Mark, Samples
 from taxel.windows.pairs import FrameSet
-from taxel.windows.trial_crops import Layout
+from taxel.windows.trial_layout import Layout
+from taxel.windows.trial_stretch import changes_of, part_of
 
 KEPT = 20
 CAMERA = CameraInfo(name="gel", width=8, height=8, rate_hz=25.0)
 
 
-def watch_of(monkeypatch: pytest.MonkeyPatch, crop: int) -> TrialWatch:
+def watch_of(
+    monkeypatch: pytest.MonkeyPatch, crop: int, layout: Layout | None = None
+) -> TrialWatch:
     """A watch that keeps few frames, of a model that says how many crops it saw before."""
     contract = SimpleNamespace(
-        target="fill", classes=("full", "empty"), crop=crop, layout=Layout(crop, 3), sharpness=1.0,
-        threshold=None, check=lambda *_: None,
+        target="fill", classes=("full", "empty"), crop=crop, layout=layout or Layout(crop, 3),
+        sharpness=1.0, weights={}, threshold=None, check=lambda *_: None,
     )  # fmt: skip
     crops = iter(range(10**6))
     answers = ((np.array([0.9, 0.1]), float(next(crops))) for _ in iter(int, 1))
@@ -116,6 +120,64 @@ def test_what_was_seen_outside_of_a_trial_s_mark_is_no_part_of_its_verdict(
     assert (answer.frames, answer.verdict.label) == (frames, label)
     assert looks == ([[4, 5], [5, 6], [6, 7]] if label == "full" else [])
     assert watch.finish() is None
+
+
+def level_of(number: int) -> int:
+    """Something before the sensor, rest, a touch from 30 to 55, and rest."""
+    return 200 if number < 5 else 50 + 4 * min(max(number - 30, 0), 10) * (number < 55)
+
+
+@pytest.mark.parametrize("step", [1, 3])
+@pytest.mark.parametrize(("first", "last"), [(0, 79), (8, 79), (0, 50), (25, 60), (12, 40)])
+def test_the_last_crops_are_those_of_evaluation_wherever_a_mark_cuts_the_trial(
+    monkeypatch: pytest.MonkeyPatch, first: int, last: int, step: int
+) -> None:
+    """Before, differences were to the first moment seen, though it lay outside of the mark."""
+    layout = Layout(5, 3, moving=True, step=step)
+    watch = watch_of(monkeypatch, 5, layout)
+    images = [np.full((8, 8, 3), level_of(number), np.uint8) for number in range(80)]
+    monkeypatch.setattr(trial_watch, "MOST_FRAMES", 80)
+    monkeypatch.setattr(trial_watch, "decode_frame", lambda jpeg, _: images[int(jpeg)])
+    looks: list[int] = []
+    real = watch._crop
+    monkeypatch.setattr(
+        watch, "_crop", lambda sets: looks.append(sets[0].frames[0].counter) or real(sets)
+    )
+    for trial in range(2):  # the second after a reset
+        for number in range(80):
+            watch.push(moment(number))
+        looks.clear()
+        watch.finish(Mark(start_s=first / 25.0, end_s=last / 25.0, labels={}))
+
+        inside = images[first : last + 1]
+        part = part_of(
+            layout, len(inside), lambda own=inside: changes_of([(i,) for i in own], step)
+        )
+        assert looks == [first + at for at in layout.starts(part)], trial
+
+
+def test_a_damaged_frame_outside_of_every_crop_s_images_leaves_the_trial_unknown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where the crops lie depends on all frames; the reason stays until the trial is over."""
+    watch = watch_of(monkeypatch, 3, Layout(3, 3, moving=True, step=3))
+
+    def decode(jpeg: bytes, camera: CameraInfo) -> np.ndarray:
+        if jpeg == b"4":
+            raise BadSource("a JPEG", "a damaged frame", "look at the cable")
+        return np.zeros((8, 8, 3), np.uint8)
+
+    monkeypatch.setattr(trial_watch, "decode_frame", decode)
+    reasons = [watch.push(moment(number)).verdict.reason for number in range(12)]
+    assert reasons[4:] == ["a damaged frame"] * 8
+    answer = watch.finish()
+    assert answer is not None
+    assert answer.verdict.reason == "a damaged frame"
+    for number in range(5, 14):
+        watch.push(moment(number))
+    answer = watch.finish()
+    assert answer is not None
+    assert answer.verdict.label == "full"
 
 
 def test_where_all_cameras_are_silent_the_verdict_is_unknown_and_the_seconds_end(

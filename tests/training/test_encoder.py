@@ -18,7 +18,7 @@ from taxel.training.encoder.change import FLOW_PLACES, FLOW_PX, changes, slip_si
 from taxel.training.encoder.fit import EncoderConfig, fit_encoder
 from taxel.training.encoder.pretext import regularity
 from taxel.training.encoder.videos import TouchVideo, chosen_frames, without
-from taxel.windows.trial_crops import Layout
+from taxel.windows.trial_layout import Layout
 
 SHORT = EncoderConfig(epochs=2, steps=2, batch=4, seed=3)
 
@@ -43,7 +43,7 @@ def dots() -> np.ndarray:
 @pytest.mark.parametrize("frames", [48, 49, 141, 450])
 def test_the_images_lie_in_the_crops_of_camera_trials(frames: int) -> None:
     """At 25 frames a second: every sixth of each crop, so that length does not show."""
-    starts = Layout(48, 3).starts(frames)
+    starts = Layout(48, 3).starts(range(frames))
 
     assert chosen_frames(frames, 25.0).tolist() == [
         [start + 6 * at for at in range(8)] for start in starts

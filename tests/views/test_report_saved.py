@@ -41,6 +41,9 @@ def test_saved_warnings_and_slips_and_table_4_1_are_known():
 
     assert "by force" in saved_part(warned, "w")[1]
     assert "0.920" in saved_part(slips, "s")[1]
+    assert "150 trials, 3 crops of 48 frames each;" in saved_part(slips, "s")[1]
+    newer = saved_part({**slips, "every": 4, "of_moving_part": True}, "s")[1]
+    assert "3 crops of 48 images, one in 4 frames, of the part in which something moves" in newer
     assert "0.9983" in saved_part(teng, "t")[1]
 
 

@@ -13,13 +13,12 @@ from taxel.windows.trial_crops import (
     PIXELS,
     SLIP,
     STATISTICS,
-    Layout,
     Scene,
     look_at,
     numbers_of,
     row_of,
 )
-from taxel.windows.trial_layout import choose_layout, count_between
+from taxel.windows.trial_layout import Layout, choose_layout, count_between
 
 PLACES = (3, 4)
 
@@ -35,10 +34,10 @@ def blocks() -> np.ndarray:
 
 def test_crops_between_lie_evenly_and_their_number_says_nothing_of_the_length():
     """Halves are parted evenly; a trial of just a crop has as many; one place has none."""
-    assert Layout(10, 3).between(90, 6) == [10, 20, 30, 50, 60, 70]
-    assert Layout(10, 3).between(90, 2) == [20, 60]
-    assert Layout(10, 3).between(10, 6) == [0] * 6
-    assert Layout(10, 1).between(90, 6) == []
+    assert Layout(10, 3).between(range(90), 6) == [10, 20, 30, 50, 60, 70]
+    assert Layout(10, 3).between(range(90), 2) == [20, 60]
+    assert Layout(10, 3).between(range(10), 6) == [0] * 6
+    assert Layout(10, 1).between(range(90), 6) == []
 
 
 def test_the_more_trials_there_are_the_fewer_crops_lie_between():
@@ -50,8 +49,8 @@ def test_the_more_trials_there_are_the_fewer_crops_lie_between():
 
 
 def test_crops_lie_at_the_start_in_the_middle_and_at_the_end():
-    assert Layout(10, 3).starts(31) == [0, 10, 21]
-    assert Layout(10, 1).starts(31) == [0]
+    assert Layout(10, 3).starts(range(31)) == [0, 10, 21]
+    assert Layout(10, 1).starts(range(31)) == [0]
     assert (Layout(10, 3).every, Layout(1, 1).every, Layout(9, 1).every) == (5, 1, 4)
 
 

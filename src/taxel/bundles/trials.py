@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,8 @@ from taxel.errors import BadBundle
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.models.devices import CPU
 from taxel.plain_text import number_of
-from taxel.windows.trial_crops import FAMILIES, PLACES, Layout
+from taxel.windows.trial_crops import FAMILIES, PLACES
+from taxel.windows.trial_layout import Layout
 from taxel.windows.trial_network import FEATURES, IMAGES, SIDE_PX, Network
 
 FORMAT = 1
@@ -38,6 +39,10 @@ IN_RUN = "recogniser.taxel"
 """The bundle within the folder of a run of camera trials."""
 _MOST_CAMERAS, _MOST_FRAMES, _LARGEST_SIDE, _MOST_CLASSES = 16, 10_000, 8192, 10_000
 """Bounds of what a contract may say. Source: our choice."""
+_LONGEST_SPAN = 100_000
+"""Frames of a crop, with those between its images. Source: our choice."""
+_ROUNDED = 1e-6
+"""How far weights may be from summing to 1: they are written as decimals."""
 _MEMBERS = ("trials.json", "model.onnx", "check_rows.npy", "check_told.npy")
 _NETWORK = ("network.onnx", "check_look.npy")
 """What a bundle holds whose crops are looked at through an image network."""
@@ -52,7 +57,7 @@ class TrialContract:
     classes: tuple[str, ...]
     """Its answers, in the order of its probabilities."""
     crop: int
-    """Frames in a crop."""
+    """Images in a crop."""
     places: int
     """Crops of a whole trial, 1 or 3."""
     views: tuple[str, ...]
@@ -79,6 +84,14 @@ class TrialContract:
     """Fingerprints of the training trials, as read and as imported, sorted; see
     `taxel.bundles.contract.fingerprint_of`. Empty where it is not known, as in older bundles.
     """
+    moving: bool = False
+    """Whether the crops of a whole trial are taken from its part in which something moves; from all
+    of it in older bundles, and where there is one crop."""
+    step: int = 1
+    """Frames from a crop's image to its next."""
+    weights: Mapping[str, float] = field(default_factory=dict)
+    """Name in `PLACES` → what that crop of a whole trial counts in the mean, summing to 1; empty
+    where there is one crop, and in older bundles, where all count alike."""
     network: str = ""
     """The image network that crops are looked at through, and where its weights come from; empty
     without one."""
@@ -86,7 +99,7 @@ class TrialContract:
     @property
     def layout(self) -> Layout:
         """How a trial is cut."""
-        return Layout(self.crop, self.places)
+        return Layout(self.crop, self.places, self.moving, self.step)
 
     def check(self, sizes: list[tuple[int, int]], rates_hz: list[float]) -> None:
         """Refuse cameras that this bundle was not made for.
@@ -244,6 +257,12 @@ def contract_to_json(contract: TrialContract) -> str:
     data = asdict(contract) | {"format": FORMAT, "kind": "trials"}
     if not contract.network:
         del data["network"]  # which older versions of taxel do not know
+    if not contract.moving:
+        del data["moving"]  # likewise
+    if contract.step == 1:
+        del data["step"]
+    if not contract.weights:
+        del data["weights"]
     return json.dumps(data, indent=1, sort_keys=True, allow_nan=False)
 
 
@@ -256,7 +275,7 @@ def contract_from_json(text: str | bytes) -> TrialContract:
     try:
         data = parse_json(text)
         if isinstance(data, dict):  # what older bundles lack
-            data = {"learned": [], "network": ""} | data
+            data = {"learned": [], "network": "", "moving": False, "step": 1, "weights": {}} | data
         return _contract(Fields(data, "the contract"))
     except ValueError as error:  # BadFile is a ValueError
         raise BadBundle(
@@ -269,7 +288,7 @@ def contract_from_json(text: str | bytes) -> TrialContract:
 def _contract(entries: Fields) -> TrialContract:
     if entries.any("format") != FORMAT or entries.any("kind") != "trials":
         raise ValueError("another format or kind")
-    entries.only({field.name for field in fields(TrialContract)} | {"format", "kind"})
+    entries.only({own.name for own in fields(TrialContract)} | {"format", "kind"})
     views, versions = entries.texts("views"), entries.texts("versions")
     network = entries.text("network")
     if not views or set(views) - set(FAMILIES):
@@ -286,11 +305,32 @@ def _contract(entries: Fields) -> TrialContract:
     places = entries.count("places", 1, len(PLACES))
     if places not in (1, len(PLACES)):
         raise ValueError("places are neither 1 nor 3")
+    layout = Layout(
+        crop=entries.count("crop", 1, _MOST_FRAMES),
+        places=places,
+        moving=entries.flag("moving"),
+        step=entries.count("step", 1, _MOST_FRAMES),
+    )
+    if layout.moving and places == 1:
+        raise ValueError("a single crop, of a part of a trial")
+    if layout.step > 1 and layout.crop == 1:
+        raise ValueError("a step from a crop's only image to its next")
+    if layout.span > _LONGEST_SPAN:  # live, that many frames are kept
+        raise ValueError(f"crops of {layout.span} frames, more than {_LONGEST_SPAN}")
+    weights = entries.numbers("weights")
+    if weights and (
+        places == 1 or set(weights) != set(PLACES) or min(weights.values()) < 0
+        or abs(sum(weights.values()) - 1) > _ROUNDED
+    ):  # fmt: skip
+        raise ValueError("weights of crops that are not one for each place, summing to 1")
     return TrialContract(
         target=entries.text("target"),
         classes=classes,
-        crop=entries.count("crop", 1, _MOST_FRAMES),
+        crop=layout.crop,
         places=places,
+        moving=layout.moving,
+        step=layout.step,
+        weights=weights,
         views=views,
         versions=versions,
         cameras=entries.count("cameras", 1, _MOST_CAMERAS),

@@ -24,6 +24,9 @@ class VerdictConfig:
 
     sharpness: float = 1.0
     """Power to which a trial's mean probabilities are raised."""
+    places: tuple[float, ...] = ()
+    """What each crop of a whole trial counts in the mean, summing to 1; empty where all count
+    alike."""
     threshold: float | None = None
     """Above this mean novelty a trial is UNKNOWN; None tests nothing."""
     least_confidence: float = 0.5
@@ -60,7 +63,9 @@ def join_crops(
     classes: tuple[str, ...],
     config: VerdictConfig,
 ) -> Verdict:
-    """Return the verdict of a trial's crops: their mean, sharpened as inner folds said.
+    """Return the verdict of a trial's crops: their mean, weighed and sharpened as inner folds said.
+
+    While a trial runs, its crops lie elsewhere and have one mean already: they count alike.
 
     Args:
         probabilities: Shape (crops, classes).
@@ -68,7 +73,9 @@ def join_crops(
         classes: Their names.
         config: When a verdict may be given.
     """
-    mean = np.maximum(probabilities.mean(axis=0), _LEAST) ** config.sharpness
+    places = config.places if len(config.places) == len(probabilities) else None
+    mean = np.average(probabilities, axis=0, weights=places)
+    mean = np.maximum(mean, _LEAST) ** config.sharpness
     mean = mean / mean.sum()
     score = float(novelty.mean())
     best = int(mean.argmax())

@@ -1,7 +1,8 @@
 """The live path of a camera trial: frames in, a verdict that builds up, a last one at its end.
 
 Each half crop a further crop is looked at, and the verdict is that of all crops so far. When the
-trial is over, the verdict is the one that evaluation gives: of its first, middle and last crop.
+trial is over, the verdict is the one that evaluation gives: of the first, middle and last crop of
+its part in which something moves.
 Adds no maths of its own. Knows nothing about screens or training frameworks.
 
 Background of our choices: docs/decisions/0041.
@@ -12,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
 from time import perf_counter
 
 import numpy as np
@@ -26,7 +28,8 @@ from taxel.plain_text import number_of
 from taxel.signals import CameraInfo, Frame, Mark
 from taxel.windows.camera_trials import CameraTrial
 from taxel.windows.pairs import FrameSet, within
-from taxel.windows.trial_crops import Scene, look_at, row_of
+from taxel.windows.trial_crops import PLACES, Scene, look_at, row_of
+from taxel.windows.trial_stretch import Changes, changes_of, part_of
 
 MOST_FRAMES = 9000
 """Moments of a trial that are kept, as JPEG: five minutes at 30 a second, some 200 MB a camera. The
@@ -79,6 +82,7 @@ class TrialWatch:
     def reset(self) -> None:
         """Forget the trial: the next frames begin another."""
         self._sets: list[FrameSet] = []
+        self._changes = Changes(self.bundle.contract.layout.step)
         self._count = 0
         self._total = np.zeros(len(self.bundle.contract.classes))
         self._novelty, self._crops = 0.0, 0
@@ -115,10 +119,11 @@ class TrialWatch:
         self._count += 1
         if self._count <= MOST_FRAMES:
             self._sets.append(found)
+            self._compare(found)
         else:
-            left = max(0, len(self._sets) - contract.crop + 1)
+            left = max(0, len(self._sets) - contract.layout.span + 1)
             self._sets = [*self._sets[left:], found]
-        past = self._count - contract.crop
+        past = self._count - contract.layout.span
         looked = past >= 0 and past % contract.layout.every == 0
         if past < 0:
             self._verdict = self._too_few()
@@ -139,12 +144,12 @@ class TrialWatch:
         Args:
             mark: The trial's stretch: what was seen outside of it is left out. None takes all.
         """
+        started = perf_counter()
         if mark is not None:
             self._cut(mark)
         if not self._count:
             self.reset()
             return None
-        started = perf_counter()
         gone = None if self._gone is None else self._gone.verdict
         verdict = self._bad_verdict() or gone or self._whole()
         answer = TrialAnswer(
@@ -155,16 +160,31 @@ class TrialWatch:
 
     def _cut(self, mark: Mark) -> None:
         """Forget what was seen outside of a stretch; a trial too long to be kept stays as it is."""
-        inside = [own for own in self._sets if within(own.time_s, mark.start_s, mark.end_s)]
-        if self._count > MOST_FRAMES or len(inside) == self._count:
+        inside = [within(own.time_s, mark.start_s, mark.end_s) for own in self._sets]
+        if self._count > MOST_FRAMES or all(inside):
             return
-        self._sets, self._count = inside, len(inside)
-        if self._count < self.bundle.contract.crop:
+        self._changes.values = list(compress(self._changes.values, inside))
+        self._sets = list(compress(self._sets, inside))
+        self._count = len(self._sets)
+        if self._count < self.bundle.contract.layout.span:
             self._verdict = self._too_few()
+        elif not inside[0]:  # changes are measured from the trial's own first moment
+            self._changes = Changes(self.bundle.contract.layout.step)
+            for own in self._sets:
+                self._compare(own)
+
+    def _compare(self, found: FrameSet) -> None:
+        """Hear how much a moment's images differ from those before, where crops depend on it."""
+        if self._bad or not self.bundle.contract.layout.moving:
+            return
+        try:
+            self._changes.push(self._images([found])[0])
+        except BadSource as error:
+            self._bad = error.got
 
     def _too_few(self) -> Verdict:
         contract = self.bundle.contract
-        so_far = f"{self._count} of the {number_of(contract.crop, 'frame')} of a crop"
+        so_far = f"{self._count} of the {number_of(contract.layout.span, 'frame')} of a crop"
         return no_verdict(contract.classes, so_far)
 
     def _bad_verdict(self) -> Verdict | None:
@@ -175,7 +195,7 @@ class TrialWatch:
         since without marks a trial lasts as long as its cameras.
         """
         try:
-            own, novelty = self._crop(self._sets[-self.bundle.contract.crop :])
+            own, novelty = self._crop(self._sets[-self.bundle.contract.layout.span :])
         except BadSource as error:
             self._bad = error.got
             return
@@ -186,11 +206,13 @@ class TrialWatch:
 
     def _whole(self) -> Verdict:
         contract = self.bundle.contract
-        if self._count < contract.crop or self._count > MOST_FRAMES:
+        if self._count < contract.layout.span or self._count > MOST_FRAMES:
             return self._verdict
         try:
-            starts = contract.layout.starts(self._count)
-            return self._joined([self._crop(self._sets[at : at + contract.crop]) for at in starts])
+            part = part_of(contract.layout, self._count, lambda: self._changes.values)
+            starts = contract.layout.starts(part)
+            span = contract.layout.span
+            return self._joined([self._crop(self._sets[at : at + span]) for at in starts])
         except BadSource as error:
             return no_verdict(contract.classes, error.got)
 
@@ -200,18 +222,30 @@ class TrialWatch:
         return join_crops(probabilities, novelty, self.bundle.contract.classes, self._config)
 
     def _crop(self, sets: Sequence[FrameSet]) -> tuple[NDArray[np.float64], float]:
-        images = [
-            [decode_frame(found.frames[number].jpeg, camera) for found in sets]
-            for number, camera in enumerate(self._cameras)
-        ]
-        probabilities, novelty = predict_crop(self.bundle, images)
+        moments = self._images(sets[:: self.bundle.contract.layout.step])
+        probabilities, novelty = predict_crop(self.bundle, list(zip(*moments, strict=True)))
         return probabilities, novelty
+
+    def _images(self, sets: Sequence[FrameSet]) -> list[list[NDArray[np.uint8]]]:
+        """Return the images of some moments, one a camera.
+
+        Raises:
+            BadSource: An image is damaged, or not of the camera's size.
+        """
+        return [
+            [
+                decode_frame(frame.jpeg, own)
+                for frame, own in zip(found.frames, self._cameras, strict=True)
+            ]
+            for found in sets
+        ]
 
 
 def verdict_config(bundle: TrialBundle, least_confidence: float = 0.5) -> VerdictConfig:
     """Return when a bundle's verdict may be given."""
     return VerdictConfig(
         sharpness=bundle.contract.sharpness,
+        places=tuple(bundle.contract.weights[name] for name in PLACES if bundle.contract.weights),
         threshold=bundle.contract.threshold,
         least_confidence=least_confidence,
     )
@@ -240,11 +274,16 @@ def predict_crop(
         images: A camera each, the crop's images, red first.
     """
     contract = bundle.contract
-    scenes = [Scene(own, contract.rate_hz, contract.mm_per_px, bundle.network) for own in images]
+    rate_hz = contract.rate_hz / contract.layout.step
+    scenes = [Scene(own, rate_hz, contract.mm_per_px, bundle.network) for own in images]
     row = row_of(look_at(contract.views, scenes))
     rows = np.concatenate([row[name] for name in contract.views])[None]
     probabilities, novelty = bundle.predict(rows)
     return probabilities[0], float(novelty[0])
+
+
+def _changes(trial: CameraTrial, step: int) -> list[tuple[float, float, float]]:
+    return changes_of(trial.moments(), step)
 
 
 def predict_trials(
@@ -264,13 +303,16 @@ def predict_trials(
     contract, config = bundle.contract, verdict_config(bundle, least_confidence)
     check_trials(contract, trials)
     for trial in trials:
-        if trial.frames < contract.crop:
+        if trial.frames < contract.layout.span:
             count = f"{trial.frames} frame{'s' * (trial.frames != 1)}"
             yield no_verdict(contract.classes, f"{count}, fewer than a crop")
             continue
-        starts = contract.layout.starts(trial.frames)
+        changes = partial(_changes, trial, contract.layout.step)
+        part = part_of(contract.layout, trial.frames, changes)
+        starts = contract.layout.starts(part)
         # map lets go of each crop before the next is read
-        answers = list(map(partial(predict_crop, bundle), trial.crops(starts, contract.crop)))
+        crops = trial.crops(starts, contract.layout.span, contract.layout.step)
+        answers = list(map(partial(predict_crop, bundle), crops))
         yield join_crops(
             np.stack([own for own, _ in answers]), np.array([score for _, score in answers]),
             contract.classes, config,

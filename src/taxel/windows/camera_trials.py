@@ -7,7 +7,6 @@ images or single ones, which are read where they lie. Knows nothing about crops,
 from __future__ import annotations
 
 import hashlib
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -70,21 +69,38 @@ class CameraTrial:
         found = enumerate(islice(self.read(camera), max(needed) + 1))
         return {number: image for number, image in found if number in needed}
 
-    def crops(self, starts: Sequence[int], length: int) -> Iterator[list[list[Image]]]:
-        """Yield crops: the images of each camera. Memory is that of one crop.
+    def crops(self, starts: Sequence[int], span: int, step: int = 1) -> Iterator[list[list[Image]]]:
+        """Yield crops: the images of each camera. Memory is that of the images of crops that
+        overlap, whatever they span.
 
         Args:
             starts: First image of each crop, ascending.
-            length: Images in a crop.
+            span: Frames from a crop's first image to its last, both counted.
+            step: Frames from an image to the next.
         """
         streams = [self.read(camera) for camera in range(len(self.cameras))]
-        held: list[deque[Image]] = [deque(maxlen=length) for _ in streams]
+        held: list[dict[int, Image]] = [{} for _ in streams]
+        crops = [range(start, start + span, step) for start in starts]
+        wanted: set[int] = set().union(*crops)
         read = 0
-        for start in starts:
+        for crop in crops:
             for own, stream in zip(held, streams, strict=True):
-                own.extend(islice(stream, start + length - read))
-            read = start + length
-            yield [list(own) for own in held]
+                for number in [number for number in own if number < crop.start]:
+                    del own[number]
+                for number, image in enumerate(islice(stream, crop.start + span - read), read):
+                    if number in wanted:
+                        own[number] = image
+            read = crop.start + span
+            yield [[own[number] for number in crop] for own in held]
+
+    def moments(self) -> Iterator[tuple[Image, ...]]:
+        """Yield the images of all cameras, a moment after another.
+
+        Raises:
+            BadTable: A video cannot be read.
+        """
+        streams = [self.read(camera) for camera in range(len(self.cameras))]
+        return islice(zip(*streams, strict=False), self.frames)
 
     def digests(self) -> tuple[str, ...]:
         """Return `digest` and, of files, the digest of the recording that an import makes of them.
@@ -98,8 +114,7 @@ class CameraTrial:
         if self.recorded:
             return (self.digest,)
         whole = hashlib.sha256()
-        streams = [self.read(camera) for camera in range(len(self.cameras))]
-        for images in islice(zip(*streams, strict=False), self.frames):
+        for images in self.moments():
             for image in images:
                 whole.update(hashlib.sha256(encode_jpeg(image, QUALITY)).digest())
         return self.digest, whole.hexdigest()

@@ -32,7 +32,8 @@ LEAST_CROP: Final = 8
 """Frames in which movement is summed up; of a shorter crop the last frame stands still to them.
 Source: our choice, docs/decisions/0041."""
 PLACES: Final[tuple[str, ...]] = ("first", "middle", "last")
-"""The crops of each trial; a set whose trials all have a crop's length has the first alone."""
+"""The crops of each trial, of its part in which something moves; a set whose trials all have a
+crop's length has the first alone."""
 REFERENCE_FRAMES: Final = 3
 """Frames at a crop's start whose median is its reference: 0.12 s at 25 frames a second."""
 LAG: Final = 5
@@ -77,45 +78,13 @@ STILLS: Final = THUMB[0] * THUMB[1] + GRID[0] * GRID[1] * (EDGES + 3)
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
-    """How trials are cut, the same for all of a set."""
-
-    crop: int
-    """Frames in a crop."""
-    places: int
-    """1 or 3 crops a trial."""
-
-    def starts(self, frames: int) -> list[int]:
-        """Return the first frames of a trial's crops, in the order of `PLACES`."""
-        last = frames - self.crop
-        return [0, last // 2, last][: self.places]
-
-    def between(self, frames: int, count: int) -> list[int]:
-        """Return the first frames of crops between the places, evenly apart.
-
-        As many whatever a trial's length; none where a trial is one crop.
-
-        Args:
-            frames: The trial's.
-            count: How many, even: half of them before the middle crop.
-        """
-        last, each = frames - self.crop, count // 2
-        parts = [*range(1, each + 1), *range(each + 2, 2 * each + 2)]
-        return [last * at // (2 * each + 2) for at in parts] if self.places > 1 else []
-
-    @property
-    def every(self) -> int:
-        """Frames after which a running trial is looked at again: half a crop."""
-        return max(1, self.crop // 2)
-
-
-@dataclass(frozen=True, slots=True)
 class Scene:
     """One camera's images of one crop, and what must be known of the camera."""
 
     images: Sequence[Image]
     """Shape (height, width, 3) each, red first."""
     rate_hz: float
+    """Of these images, a second."""
     mm_per_px: float
     """Of a 320-pixel row."""
     network: network.Network | None = None
@@ -266,10 +235,20 @@ def _stills(scene: Scene) -> NDArray[np.float32]:
 
 def _look_of(image: Image) -> NDArray[np.float32]:
     grey = small_grey(image)
-    thumb = cv2.resize(grey.astype(np.float32), (THUMB[1], THUMB[0]), interpolation=cv2.INTER_AREA)
     colour = cv2.resize(image.astype(np.float32), (GRID[1], GRID[0]), interpolation=cv2.INTER_AREA)
-    found = np.concatenate([thumb.ravel(), _edges(grey), colour.ravel()])
+    found = np.concatenate([_thumb(grey), _edges(grey), colour.ravel()])
     return np.asarray(found, np.float32)
+
+
+def thumb_of(image: Image) -> NDArray[np.float32]:
+    """Return an image as the first-frame control sees it, 8×6 grey, shape (48,)."""
+    return _thumb(small_grey(image))
+
+
+def _thumb(grey: Image) -> NDArray[np.float32]:
+    size = THUMB[1], THUMB[0]
+    small = cv2.resize(grey.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    return np.asarray(small, np.float32).ravel()
 
 
 def _edges(grey: Image) -> NDArray[np.float32]:

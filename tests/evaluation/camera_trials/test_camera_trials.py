@@ -23,6 +23,9 @@ from trial_makers import (
 from taxel.actions.rule_table import RuleTable
 from taxel.bundles.trials import (
     IN_RUN,
+    contract_from_json,
+    contract_to_json,
+    read_trial_contract,
 )
 from taxel.cli.evaluation.evaluate_trials import EvaluateTrials
 from taxel.cli.live.trials import live_trials
@@ -30,21 +33,20 @@ from taxel.cli.options.trials import TrialOptions
 from taxel.cli.training.train_trials import TrainTrials
 from taxel.decisions.recognition import UNKNOWN
 from taxel.errors import BadBundle, BadDataset, BadInput, BadSplit, BadTable
-from taxel.evaluation.camera_trials.contenders import BAR, OURS, contenders_for, thumbs
+from taxel.evaluation.camera_trials.contenders import BAR, FIRST_FRAME, OURS, contenders_for
 from taxel.evaluation.camera_trials.crossval import difference, judge_trials, score_trials
 from taxel.evaluation.camera_trials.sides import split_by_table, split_trials
-from taxel.evaluation.camera_trials.trial_set import load_trial_set
+from taxel.evaluation.camera_trials.trial_set import Sight, load_trial_set
 from taxel.recordings.imports.video_rows import read_video_rows
 from taxel.recordings.imports.videos import import_videos
 from taxel.windows.camera_trials import are_camera_trials, read_camera_trials
 from taxel.windows.trial_crops import (
     FAMILIES,
-    Layout,
     Scene,
     look_at,
     row_of,
 )
-from taxel.windows.trial_layout import choose_layout
+from taxel.windows.trial_layout import Layout, choose_layout
 
 
 @pytest.fixture(autouse=True)
@@ -125,6 +127,31 @@ def test_a_verdict_is_unknown_before_a_crop_and_builds_up(
     assert [line.split("(")[1].split()[0] for line in own if "crop" in line][-1] == "3"
 
 
+@pytest.mark.slow
+def test_at_a_trial_s_end_live_takes_crops_from_where_evaluate_does(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of the part in which something moves, and of a fast camera one image in two."""
+    table = write_trials(tmp_path / "a", objects=2, each=4, frames=34, shorter=10, write=as_avi)
+    lines = table.read_text().splitlines()
+    table.write_text("\n".join([lines[0] + ",rate", *(line + ",60" for line in lines[1:])]) + "\n")
+    options = TrialOptions(fold_count=2, crop=8, moving_part=True, cache=tmp_path / "cache")
+    TrainTrials(trials=table, output=tmp_path / "run", options=options, check=False).run()
+    bundle = tmp_path / "run" / IN_RUN
+    contract = read_trial_contract(bundle)
+    assert contract.layout == Layout(8, 3, moving=True, step=2)
+    assert contract_from_json(contract_to_json(contract)) == contract
+    capsys.readouterr()
+    EvaluateTrials(trials=bundle, data=table, json=True).run()
+    offline = json.loads(capsys.readouterr().out)
+    rules = RuleTable(())
+    live_trials(bundle, str(table), None, 0.5, as_json=True, rules=rules, device="cpu")
+    live = json.loads(capsys.readouterr().out)
+    assert [t["confidence"] for t in live["trials"]] == pytest.approx(
+        [v["confidence"] for v in offline["verdicts"]], abs=1e-6
+    )
+
+
 @pytest.mark.parametrize("write", [as_avi, as_mp4, as_folder])
 def test_videos_and_folders_of_images_are_read_in_place(tmp_path: Path, write) -> None:
     """All frames, in the order of their numbers, and nothing is copied."""
@@ -169,8 +196,8 @@ def test_the_crop_fits_the_shortest_trial_and_equal_trials_have_one() -> None:
     assert choose_layout([21, 21, 21]) == Layout(21, 1)
     assert choose_layout([49, 450]) == Layout(48, 3)
     assert choose_layout([30, 90]) == Layout(30, 3)
-    assert Layout(20, 3).starts(100) == [0, 40, 80]
-    assert Layout(21, 1).starts(21) == [0]
+    assert Layout(20, 3).starts(range(100)) == [0, 40, 80]
+    assert Layout(21, 1).starts(range(21)) == [0]
     with pytest.raises(BadInput, match="--crop of 8 to 30"):
         choose_layout([30, 90], 31)
     assert choose_layout([5, 90]) == Layout(5, 3)
@@ -243,7 +270,7 @@ def test_controls_see_what_they_are_named_for() -> None:
     assert by_name["control: the crop's first frame, 8×6 grey"].auc < 0.9
     assert by_name["control: the commonest class"].accuracy == 0.5
     assert by_name[BAR.name].accuracy > 0.9
-    assert thumbs(trials).shape == (72, 2 * 48)
+    assert FIRST_FRAME.rows(trials).shape == (72, 2 * 48)
 
 
 def test_an_auc_has_no_interval_where_many_draws_of_sessions_lack_a_class() -> None:
@@ -337,3 +364,14 @@ def test_images_that_are_nearly_a_line_are_refused(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("camera:gel,label:kind\n0.npy,a\n1.npy,b\n")
     with pytest.raises(BadDataset, match="by a factor of at most 100; got 640×2"):
         load_trial_set(read_camera_trials(tmp_path / "t.csv"), None, tmp_path / "cache")
+
+
+def test_trials_are_loaded_without_their_looks_whatever_their_lengths(tmp_path: Path) -> None:
+    """Of equal lengths, the first frames of the first crops were asked of a view not there."""
+    table = write_trials(tmp_path / "a", objects=2, each=2, frames=9, write=as_avi)
+    read = read_camera_trials(table)
+    views = Sight(views=("pixels",))
+    whole = load_trial_set(read, "slipped", tmp_path / "kept")
+    alone = load_trial_set(read, "slipped", tmp_path / "kept", sight=views)
+    assert alone.layout == Layout(9, 1)
+    assert np.array_equal(alone.first, whole.first)

@@ -38,6 +38,7 @@ from taxel.training.camera_trials.blend import MEMBERS, fit_blend
 from taxel.training.camera_trials.image_network import find_image_network
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_crops import FAMILIES
+from taxel.windows.trial_layout import Layout
 from taxel.windows.trial_network import FEATURES, SIDE_PX
 
 
@@ -194,6 +195,28 @@ def test_older_contracts_have_no_network() -> None:
     ):
         with pytest.raises(BadBundle):
             contract_from_json(contract_to_json(contract))
+
+
+def test_older_contracts_have_crops_of_whole_trials_and_absurd_layouts_are_refused() -> None:
+    """A crop of a hundred million frames would be kept whole, live."""
+    text = contract_to_json(_CONTRACT)
+    assert "moving" not in text
+    assert "step" not in text
+    assert contract_from_json(text).layout == Layout(10, 3)
+    newer = replace(_CONTRACT, moving=True, step=4)
+    assert contract_from_json(contract_to_json(newer)) == newer
+    for wrong in (
+        {"moving": True, "places": 1},
+        {"weights": {"first": 0.5, "last": 0.5}},
+        {"weights": {"first": 0.5, "middle": 0.4, "last": 0.2}},
+        {"weights": {"first": 0.5, "middle": 0.7, "last": -0.2}},
+        {"step": 0},
+        {"step": 10**9},
+        {"step": 2, "crop": 1},
+        {"step": 10_000, "crop": 10_000},
+    ):
+        with pytest.raises(BadBundle):
+            contract_from_json(contract_to_json(replace(_CONTRACT, **wrong)))
 
 
 _CONTRACT = TrialContract(

@@ -19,7 +19,7 @@ from taxel.evaluation.camera_trials.crossval import judge_trials
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.training.camera_trials.learning import Learning
-from taxel.windows.trial_crops import Layout
+from taxel.windows.trial_layout import Layout
 from taxel.windows.trial_picture import CELLS, look_at_picture
 
 CELL_COLOURS = CELLS[0] * CELLS[1] * 3

@@ -170,8 +170,8 @@ def test_inner_folds_decide_whether_a_member_learns_from_copies() -> None:
     alike, exchanged = rows[:, :2] + rng.normal(0, 0.2, (60, 2)), rows[np.arange(60) ^ 1, :2]
     (good, *_), (bad, *_) = (_blend(rows, own, alike, y).members for own in (alike, exchanged))
     assert good.name == bad.name == "place"
-    assert good.shifted
-    assert not bad.shifted
+    assert (good.shifted, good.words) == (True, "place with shifted copies")
+    assert (bad.shifted, bad.words) == (False, "place")
 
 
 def test_what_fails_on_shifted_copies_counts_less_where_sessions_cannot_be_held_out() -> None:

@@ -29,7 +29,7 @@ from taxel.training.camera_trials.inner_folds import (
     later_folds,
 )
 from taxel.training.camera_trials.learning import Crops, Extras, Learning
-from taxel.training.camera_trials.member_weights import weigh
+from taxel.training.camera_trials.member_weights import weigh, weigh_places
 from taxel.training.camera_trials.novelty import Novelty, novelty_threshold
 from taxel.training.camera_trials.onnx_graph import blend_to_onnx
 from taxel.training.camera_trials.rank_sums import Steady
@@ -147,6 +147,34 @@ def test_weights_favour_the_member_that_is_right_and_sum_to_one() -> None:
     assert drawn.sum() == pytest.approx(1.0)
     assert 0.5 < drawn[1] < free[1]
     assert free[1] > 0.9
+
+
+def test_the_crop_that_shows_most_counts_most_the_more_groups_the_more() -> None:
+    """With one or two groups crops count nearly alike: what one day shows says little of others."""
+    y = np.arange(40) % 2
+    right = np.where(y[:, None] == [0, 1], 0.9, 0.1)
+    blind = np.full((40, 2), 0.5)
+    held = np.stack([blind, right, blind], axis=1)
+    few, some, many = (weigh_places(held, y, groups) for groups in (1, 4, 100))
+    assert [found.sum() for found in (few, some, many)] == pytest.approx([1.0] * 3)
+    assert 1 / 3 < few[1] < 0.5 < some[1] < many[1]
+    assert few[0] == few[2] > many[0] == many[2] > 0
+
+
+def test_a_trial_is_the_mean_of_its_crops_by_what_inner_folds_say_of_their_places() -> None:
+    """The middle crops of all trials are noise; live and evaluation share these weights."""
+    trials = some_trials(48)
+    rows = trials.rows.copy()
+    middle = trials.cut.place == 1
+    rows[middle] = np.random.default_rng(3).normal(size=rows[middle].shape)
+    learning = trials.learning(rows, "object")
+    blend = fit_blend(learning, trials.cameras, trials.widths, 0, MEMBERS[:2])
+    assert blend.places.sum() == pytest.approx(1.0)
+    assert blend.places[1] < 0.25 < min(blend.places[0], blend.places[2])
+    crops = blend.crops(rows).reshape(48, 3, 2)
+    mean = np.einsum("tpc,p->tc", crops, blend.places) ** blend.sharpness
+    expected = mean / mean.sum(axis=1, keepdims=True)
+    assert blend.trials(rows, learning.trial) == pytest.approx(expected, abs=1e-5)
 
 
 def test_a_class_of_a_single_group_still_leaves_trials_to_weigh_by() -> None:

@@ -45,7 +45,18 @@ class EvaluateTrials:
 
     RULES: ClassVar = (
         Only(
-            ("target", "split", "test", "fold-count", "crop", "touch", "network", "cache", "seed"),
+            (
+                "target",
+                "split",
+                "test",
+                "fold-count",
+                "crop",
+                "moving-part",
+                "touch",
+                "network",
+                "cache",
+                "seed",
+            ),
             "trials without a bundle (it is scored as it is)",
             lambda verb: verb.data is None,
         ),

@@ -39,7 +39,11 @@ class TrialOptions:
     test: Path | None = None
     """Further trials, used only for testing: a table, or a folder of recordings."""
     crop: int | None = None
-    """Frames in a crop; as many as the shortest trial has, at most 48, unless given."""
+    """Images in a crop; as many as the shortest trial has, at most 48, unless given."""
+    moving_part: bool = False
+    """Take a trial's crops from the part in which something moves, at about 25 images a second, so
+    that rest before and after the touch is left out. Leave this off where the end of a trial, such
+    as an empty hand, shows the answer."""
     touch: bool = False
     """Use features of the touch encoder too; all of its extra work takes about 2 ms for each
     image."""
@@ -73,6 +77,7 @@ class TrialOptions:
                 views=(*USUAL, *(("touch",) if self.touch else ())),
                 network=self._network(),
                 extras=True,
+                moving=self.moving_part,
                 asked=others_to_come(labelled, split, self.seed),
             ),
             on_trial=work.at,

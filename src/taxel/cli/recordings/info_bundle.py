@@ -95,7 +95,8 @@ def _trial_lines(contract: TrialContract) -> dict[str, str]:
         "predicts": _classes(contract.target, contract.classes),
         "from": f"camera trials of {number_of(contract.cameras, 'camera')}, {contract.width}×"
         f"{contract.height}, {contract.rate_hz:g} frames/s; "
-        f"{number_of(contract.places, 'crop')} of {number_of(contract.crop, 'frame')}",
+        f"{number_of(contract.places, 'crop')} of {contract.layout.words}"
+        f"{' of the part in which something moves' * contract.moving}",
         "model": f"a blend of models on {', '.join(map(visible, contract.views))}"
         + (f" ({visible(contract.network)})" if contract.network else ""),
         "says UNKNOWN": _trial_unknown(contract),
@@ -126,7 +127,7 @@ def _trial_unknown(contract: TrialContract) -> str:
     novel = "novel touch is not tested"
     if contract.threshold is not None:
         novel = f"a novelty score above {contract.threshold:.3g}"
-    short = f"fewer than {contract.crop} frames; " if contract.crop > 1 else ""
+    short = f"fewer than {contract.layout.span} frames; " if contract.crop > 1 else ""
     return (
         f"{_confidence(VerdictConfig().least_confidence)}; {short}"
         f"a camera that is silent or stands still; {novel}"

@@ -104,12 +104,14 @@ class TrainTrials:
             say(f"warning: {warning}", style="yellow")
         members = ", ".join(f"{name} {share:.2f}" for name, share in about["members"].items())
         say(f"blend, weights by inner folds: {members}")
+        if places := about["crop_weights"]:
+            say("crops, likewise: " + ", ".join(f"{name} {w:.2f}" for name, w in places.items()))
         replaced = ", replaced" if about["replaced"] else ""
         ordered = sorted(trials.classes, key=by_numbers)
         classes = visible_names(ordered)
         say(
             f"{output}{replaced}: predicts {visible(trials.target)} ({classes}) from crops of "
-            f"{trials.layout.crop} frame{'s' * (trials.layout.crop > 1)}, trained on "
+            f"{trials.layout.words}, trained on "
             f"{number_of(about['learned_trials'], 'trial')}; bundle {about['bytes']:,} bytes, "
             f"equal to training within {about['parity']:.1e}"
         )

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.neighbors import KNeighborsClassifier
 
-from taxel.evaluation.camera_trials.trial_set import Rows, TrialSet
+from taxel.evaluation.camera_trials.trial_set import Rows, TrialSet, thumbs_of
 from taxel.training.camera_trials.blend import (
     TrialBlend,
     fit_blend,
@@ -180,13 +180,13 @@ _LENGTH: Final = Contender(
 )
 _CROP_FRAME: Final = Contender(
     name="control: the crop's first frame, 8×6 grey",
-    rows=lambda trials: thumbs(trials),
+    rows=lambda trials: thumbs_of(trials.cut),
     model=lambda _, seed, __: Plain(forest(seed)),
     leaks="sees no movement; in a later crop something may have begun",
 )
 FIRST_FRAME: Final = Contender(
     name="control: the trial's first frame, 8×6 grey",
-    rows=lambda trials: thumbs(trials)[np.flatnonzero(trials.cut.place == 0)[trials.cut.trial]],
+    rows=lambda trials: trials.first[trials.cut.trial],
     model=lambda _, seed, __: Plain(forest(seed)),
     leaks="sees no movement",
 )
@@ -196,12 +196,6 @@ MAJORITY: Final = Contender(
     model=lambda _, __, ___: Majority(),
     leaks="sees nothing",
 )
-
-
-def thumbs(trials: TrialSet) -> Rows:
-    """Return each crop's first frame, shape (n, cameras · 48), 8×6 grey."""
-    first = trials.cut.shown["stills"][:, 0, :, : THUMB[0] * THUMB[1]]
-    return np.ascontiguousarray(first.reshape(len(first), -1))
 
 
 def changes(trials: TrialSet) -> Rows:

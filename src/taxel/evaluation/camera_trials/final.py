@@ -27,7 +27,7 @@ from taxel.training.camera_trials.blend import TrialBlend, fit_blend
 from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.onnx_graph import blend_to_onnx
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import FAMILIES
+from taxel.windows.trial_crops import FAMILIES, PLACES
 
 _CHECKED = 32
 """Crops that a bundle is checked on."""
@@ -42,6 +42,8 @@ class FinalRecogniser:
     """Largest difference between the bundle's probabilities and the trained models'."""
     members: Mapping[str, float]
     """Member → weight."""
+    places: Mapping[str, float]
+    """Crop's place → weight; empty where there is one crop."""
     inner: Mapping[str, float]
     """Member → log-loss on inner folds, nats."""
     trials: int
@@ -90,6 +92,9 @@ def fit_final(
         classes=trials.classes,
         crop=trials.layout.crop,
         places=trials.layout.places,
+        moving=trials.layout.moving,
+        step=trials.layout.step,
+        weights=named_places(blend),
         views=views,
         versions=tuple(FAMILIES[name].key for name in views),
         cameras=trials.cameras,
@@ -112,10 +117,21 @@ def fit_final(
         both.astype(np.float32),
         None if network is None else network.model,
     )
-    weights = {m.name: float(w) for m, w in zip(blend.members, blend.weights, strict=True)}
+    weights = {m.words: float(w) for m, w in zip(blend.members, blend.weights, strict=True)}
     return FinalRecogniser(
-        bundle=bundle, parity=parity, members=weights, inner=blend.inner, trials=len(learned)
+        bundle=bundle,
+        parity=parity,
+        members=weights,
+        places=contract.weights,
+        inner=blend.inner,
+        trials=len(learned),
     )
+
+
+def named_places(blend: TrialBlend) -> dict[str, float]:
+    """Return what each crop of a trial counts, by its place; empty where there is one."""
+    found = blend.places.tolist()
+    return dict(zip(PLACES, found, strict=True)) if len(found) > 1 else {}
 
 
 def kept_views(trials: TrialSet, blend: TrialBlend) -> tuple[tuple[str, ...], ImageNetwork | None]:
@@ -149,6 +165,7 @@ def save_trial_run(
         "bytes": len(final.bundle),
         "parity": final.parity,
         "members": dict(final.members),
+        "crop_weights": dict(final.places),
         "inner_loss": dict(final.inner),
         "learned_trials": final.trials,
     }

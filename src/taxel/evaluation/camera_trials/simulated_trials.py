@@ -35,7 +35,8 @@ from taxel.training.encoder.fit import GAIN, GRAIN, JITTER, LEVEL
 from taxel.training.encoder.videos import STRETCHES, TouchVideo, chosen_frames, small
 from taxel.training.frames.features import default_cache, load_kept, save_kept
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import FAMILIES, LAG, STATISTICS, Layout, numbers_of, small_grey
+from taxel.windows.trial_crops import FAMILIES, LAG, STATISTICS, numbers_of, small_grey
+from taxel.windows.trial_layout import Layout
 
 Image = NDArray[np.uint8]
 SEED: Final = 59
@@ -43,6 +44,7 @@ SEED: Final = 59
 RATE_HZ, DURATION_S, CROP = 25.0, 6.0, 48
 """Images a second, seconds of a trial and frames of a crop. Source: gelsight-slip's rate and crops;
 its slip trials last 5.6 s in the median."""
+_CUT: Final = Layout(CROP, STRETCHES)
 SLIPPED_UM: Final = 300.0
 """How far a cup slid at some time in a trial that counts as slipped. Source: gross slip."""
 POSITIONS: Final[tuple[Position, ...]] = ("upper", "middle", "lower")
@@ -218,7 +220,7 @@ def grey_rows(cameras: Sequence[Sequence[Image]]) -> Rows:
     its time.
     """
     rows = []
-    for start in Layout(CROP, STRETCHES).starts(len(cameras[0])):
+    for start in _CUT.starts(range(len(cameras[0]))):
         courses = [_differences(images[start : start + CROP]) for images in cameras]
         each = FAMILIES["pixels"].sum_up(np.stack(courses, axis=1))
         rows.append(np.stack([each.max(axis=0), each.min(axis=0)]).ravel())
@@ -296,7 +298,7 @@ def real_rows(
         cache: As for `simulated_rows`.
     """
     if features == GREY:
-        cut = trial_rows(trials, Cuts(Layout(CROP, STRETCHES)), ("pixels",), default_cache())
+        cut = trial_rows(trials, Cuts(_CUT), ("pixels",), default_cache())
         return cut.rows["pixels"][:, numbers_of("pixels", DIFFERENCES, 2)]
     if features == GEL:
         return pooled(crop_features(trials, [gel_features()], default_cache())[0])

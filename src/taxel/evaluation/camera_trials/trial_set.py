@@ -28,8 +28,8 @@ from taxel.training.camera_trials.features import (
 from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.learning import Extras, Learning
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import LARGEST_RATIO, MOVEMENT, USUAL, Layout
-from taxel.windows.trial_layout import choose_layout, count_between, count_shifted
+from taxel.windows.trial_crops import LARGEST_RATIO, MOVEMENT, THUMB, USUAL, thumb_of
+from taxel.windows.trial_layout import Layout, choose_layout, count_between, count_shifted
 from taxel.windows.trial_shifts import ASKED, SHIFTED
 
 Rows = NDArray[np.float32]
@@ -50,6 +50,8 @@ class Sight:
     """An image network to look through, too."""
     extras: bool = False
     """Whether further crops and shifted copies are made to learn from."""
+    moving: bool = False
+    """Whether three crops are taken from the part of a trial in which something moves."""
     asked: bool = False
     """Whether a shifted copy of each crop is made to compare models on."""
 
@@ -89,6 +91,8 @@ class TrialSet(LabelledTrials):
     cameras: int
     layout: Layout
     cut: TrialRows
+    first: Rows
+    """Shape (trials, cameras · 48): each one's first frame, small and grey."""
     extras: Extras = field(default_factory=Extras)
     """What is only learned from: further crops of the views of movement, which stand first, and
     shifted copies of pictures."""
@@ -194,8 +198,8 @@ def load_trial_set(
         raise BadDataset(f"images whose sides differ by a factor of at most {LARGEST_RATIO}",
                          f"{width}×{height}", "cut them to what was touched")  # fmt: skip
     lengths = [trial.frames for trial in trials]
-    layout = choose_layout(lengths, crop)
     least, most = (chosen(trials, key=lambda trial: trial.rate_hz) for chosen in (min, max))
+    layout = choose_layout(lengths, crop, rate_hz=least.rate_hz, moving=sight.moving)
     if layout.crop > 1 and most.rate_hz > least.rate_hz * RATE_RANGE[1]:  # images have no rate
         raise BadDataset(
             f"trials of about one rate, within a factor of {RATE_RANGE[1]:g}",
@@ -214,9 +218,27 @@ def load_trial_set(
         cameras=len(trials[0].cameras),
         layout=layout,
         cut=cut,
+        first=_first_looks(trials, layout, cut),
         extras=_extras(trials, layout, cut, sight, cache, on_trial),
         network=sight.network,
     )
+
+
+def _first_looks(trials: Sequence[CameraTrial], layout: Layout, cut: TrialRows) -> Rows:
+    """Return each trial's first frame, 8×6 grey, shape (trials, cameras · 48)."""
+    if not layout.moving and "stills" in cut.shown:
+        return np.asarray(thumbs_of(cut)[cut.place == 0], np.float32)
+    looks = [
+        [thumb_of(trial.images(camera, [0])[0]) for camera in range(len(trial.cameras))]
+        for trial in trials
+    ]
+    return np.array(looks, np.float32).reshape(len(trials), -1)
+
+
+def thumbs_of(cut: TrialRows) -> Rows:
+    """Return each crop's first frame, 8×6 grey, shape (n, cameras · 48)."""
+    first = cut.shown["stills"][:, 0, :, : THUMB[0] * THUMB[1]]
+    return np.ascontiguousarray(first.reshape(len(first), -1))
 
 
 def _extras(

@@ -20,7 +20,14 @@ from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
 
 from taxel.training.camera_trials.inner_folds import HeldOut, Parts, held_out_parts
 from taxel.training.camera_trials.learning import Crops, Learning, Rows
-from taxel.training.camera_trials.member_weights import log_loss, sharpen, sharpened, trusted, weigh
+from taxel.training.camera_trials.member_weights import (
+    log_loss,
+    sharpen,
+    sharpened,
+    trusted,
+    weigh,
+    weigh_places,
+)
 from taxel.training.camera_trials.novelty import (
     Novelty,
     held_out_novelty,
@@ -65,6 +72,11 @@ class TrialMember:
 
     shifted: bool = False
     """Whether it may learn from shifted copies of the crops too; inner folds decide."""
+
+    @property
+    def words(self) -> str:
+        """Its name, and whether it learned from shifted copies."""
+        return f"{self.name}{' with shifted copies' * self.shifted}"
 
     @property
     def kind(self) -> str:
@@ -158,6 +170,8 @@ class TrialBlend:
     columns: tuple[NDArray[np.intp], ...]
     weights: NDArray[np.float64]
     """Shape (members,), summing to 1."""
+    places: NDArray[np.float64]
+    """Shape (places,), summing to 1: what each of a trial's crops counts in its mean."""
     sharpness: float
     """Power to which a trial's mean probabilities are raised."""
     classes: int
@@ -177,7 +191,8 @@ class TrialBlend:
 
     def trials(self, rows: Rows, trial: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return shape (trials, classes), of whole trials."""
-        return sharpened(mean_of_crops(self.crops(rows), trial), self.sharpness)
+        each = by_place(self.crops(rows), trial)
+        return sharpened(np.einsum("tpc,p->tc", each, self.places), self.sharpness)
 
 
 def fit_blend(
@@ -207,12 +222,15 @@ def fit_blend(
     held_out, trial = _held_out(learning, members, columns, images, seed, held, on_step)
     novelty = _novelty_held_out(learning, held.parts, novel)
     y = learning.y[trial]
-    losses = [log_loss(held_out[:, i], y) if len(y) else 0.0 for i in range(len(members))]
+    mean = held_out.mean(axis=1)
+    losses = [log_loss(mean[:, i], y) if len(y) else 0.0 for i in range(len(members))]
     better = _better(members, losses)
-    held_out, losses = held_out[:, better], [losses[i] for i in better]
+    held_out, losses = held_out[:, :, better], [losses[i] for i in better]
     members, columns = [members[i] for i in better], [columns[i] for i in better]
     prior = np.array([member.prior for member in members])
     weights = prior / prior.sum()
+    each_place, held_out = held_out, held_out.mean(axis=1)
+    places = np.full(each_place.shape[1], 1 / each_place.shape[1])
     sharpness, inner = 1.0, {}
     if len(y):
         kinds = np.array([member.kind for member in members])
@@ -220,7 +238,10 @@ def fit_blend(
         weights = weigh(held_out, y, trusted(held_out, y, groups, prior, kinds))
         weights[weights < min(LEAST_WEIGHT, weights.max())] = 0.0
         weights /= weights.sum()
-        mixed = np.asarray(np.einsum("tmc,m->tc", held_out, weights), np.float64)
+        by_places = np.asarray(np.einsum("tpmc,m->tpc", each_place, weights), np.float64)
+        if len(places) > 1:
+            places = weigh_places(by_places, y, groups)
+        mixed = np.asarray(np.einsum("tpc,p->tc", by_places, places), np.float64)
         if held.as_to_come:
             sharpness = sharpen(mixed, y)
         inner = {member.name: loss for member, loss in zip(members, losses, strict=True)}
@@ -234,6 +255,7 @@ def fit_blend(
         fitted=fitted,
         columns=tuple(columns[i] for i in kept),
         weights=weights[kept],
+        places=places,
         sharpness=sharpness,
         classes=learning.classes,
         inner=inner,
@@ -308,11 +330,13 @@ def _held_out(
     held: HeldOut,
     on_step: Callable[[str], None],
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Return members' predictions for held-out trials, shape (n, members, classes), and which
-    trial each is for, shape (n,): once as it is, and again as its shifted copy where single trials
-    are held out and there are copies to ask about.
+    """Return members' predictions for held-out trials, shape (n, places, members, classes), and
+    which trial each is for, shape (n,): once as it is, and again as its shifted copy where single
+    trials are held out and there are copies to ask about.
     """
-    found, trials = [np.empty((0, len(members), learning.classes))], [np.empty(0, np.intp)]
+    places = len(learning.trial) // len(learning.y)
+    shape = places, len(members), learning.classes
+    found, trials = [np.empty((0, *shape))], [np.empty(0, np.intp)]
     for number, (train, test) in enumerate(held.parts, start=1):
         own, other = learning.part(train), learning.part(test)
         asked = [Crops(other.rows, other.trial)]
@@ -320,12 +344,12 @@ def _held_out(
             rows = copies.copies(other.rows, np.arange(other.rows.shape[1]))
             asked.append(Crops(rows, other.trial[copies.crop]))
         on_step(f"inner fold {number}")
-        probabilities = np.empty((len(asked), len(test), len(members), learning.classes))
+        probabilities = np.empty((len(asked), len(test), *shape))
         for index, member in enumerate(members):
             model = _fit(member, own, columns[index], images, seed, INNER_TREES)
             for place, crops in enumerate(asked):
                 each = proba_of(model, crops.rows[:, columns[index]], learning.classes)
-                probabilities[place, :, index] = mean_of_crops(each, crops.trial)
+                probabilities[place, :, :, index] = by_place(each, crops.trial)
         found += list(probabilities)
         trials += [test] * len(asked)
     return np.concatenate(found), np.concatenate(trials)
@@ -347,6 +371,12 @@ def proba_of(model: Any, rows: Rows, classes: int) -> NDArray[np.float64]:
     found = np.zeros((len(rows), classes))
     found[:, np.asarray(model.classes_, np.intp)] = model.predict_proba(rows)
     return found
+
+
+def by_place(crops: NDArray[np.float64], trial: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return crops, shape (n, columns), as (trials, places, columns): each trial has as many."""
+    order = np.argsort(trial, kind="stable")
+    return crops[order].reshape(int(trial.max()) + 1, -1, crops.shape[1])
 
 
 def mean_of_crops(crops: NDArray[np.float64], trial: NDArray[np.intp]) -> NDArray[np.float64]:

@@ -21,13 +21,15 @@ from taxel.training.frames.features import load_kept, save_kept
 from taxel.windows.camera_trials import CameraTrial, Image
 from taxel.windows.trial_crops import (
     FAMILIES,
-    Layout,
     Scene,
     look_at,
     row_of,
     rows_alone,
 )
+from taxel.windows.trial_layout import Layout
 from taxel.windows.trial_shifts import VERSION, WHOLE, looked_at, shifted
+from taxel.windows.trial_stretch import VERSION as CHANGES
+from taxel.windows.trial_stretch import changes_of, part_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,23 +69,25 @@ class Cuts:
     network: ImageNetwork | None = None
     """What the family of that name looks through."""
 
-    def starts(self, frames: int) -> list[int]:
-        """Return the first frames of these crops in a trial of so many frames."""
+    def starts(self, part: range) -> list[int]:
+        """Return the first frames of these crops in a trial of which they show this part."""
         if self.between:
-            return self.layout.between(frames, self.between)
-        return self.layout.starts(frames)
+            return self.layout.between(part, self.between)
+        return self.layout.starts(part)
 
     @property
     def places(self) -> int:
         """How many crops each trial gives, copies counted."""
-        return len(self.starts(self.layout.crop)) * max(1, self.copies)
+        return len(self.starts(range(self.layout.span))) * max(1, self.copies)
 
     @property
     def key(self) -> str:
         """Name for the cache."""
         between = f"-between-{self.between}" if self.between else ""
         shifted = f"-{VERSION}-{self.copies}" if self.copies else ""
-        return f"{self.layout.crop}x{self.layout.places}{between}{shifted}"
+        moving = f"-of-{CHANGES}" if self.layout.moving else ""
+        moving += f"-by-{self.layout.step}" if self.layout.step > 1 else ""
+        return f"{self.layout.crop}x{self.layout.places}{moving}{between}{shifted}"
 
 
 def trial_rows(
@@ -175,7 +179,8 @@ def _shown(
     found = {name: _kept(files[name], trial, cuts, name) for name in families}
     lacking = [name for name in families if found[name] is None]
     if lacking:
-        for name, values in _compute(trial, cuts, lacking).items():
+        part = part_of(cuts.layout, trial.frames, lambda: _changes(trial, cuts.layout.step, cache))
+        for name, values in _compute(trial, cuts, part, lacking).items():
             save_kept(files[name], values.reshape(-1, values.shape[-1]))
             found[name] = values
     return {name: values for name, values in found.items() if values is not None}
@@ -198,13 +203,29 @@ def _kept(file: Path, trial: CameraTrial, cuts: Cuts, name: str) -> NDArray[np.f
     return values.reshape(cuts.places, -1, cameras, columns)
 
 
+def _changes(trial: CameraTrial, step: int, cache: Path) -> NDArray[np.float32]:
+    """Return how much each frame of a trial differs from others, from the cache where it has it.
+
+    Returns:
+        Shape (frames, 3), as `taxel.windows.trial_stretch.Changes` measures it.
+    """
+    file = cache / "trials" / f"{CHANGES}-by-{step}" / f"{trial.digest[:32]}.npy"
+    values = load_kept(file, 3)
+    if values is None or len(values) != trial.frames:
+        values = np.array(changes_of(trial.moments(), step), np.float32)
+        save_kept(file, values)
+    return values
+
+
 def _compute(
-    trial: CameraTrial, cuts: Cuts, families: Sequence[str]
+    trial: CameraTrial, cuts: Cuts, part: range, families: Sequence[str]
 ) -> dict[str, NDArray[np.float32]]:
     scale = mm_per_row_px(trial.width, trial.mm_per_px)
 
     def look(names: Sequence[str], images: list[list[Image]]) -> dict[str, NDArray[np.float32]]:
-        scenes = [Scene(own, trial.rate_hz, scale, cuts.network) for own in images]
+        scenes = [
+            Scene(own, trial.rate_hz / cuts.layout.step, scale, cuts.network) for own in images
+        ]
         return look_at(names, scenes)
 
     whole = tuple(name for name in families if name in WHOLE)
@@ -225,6 +246,6 @@ def _compute(
         return [copy_of(images, (*seed, copy)) for copy in range(cuts.copies)]
 
     # map lets go of each crop before the next is read
-    crops = trial.crops(cuts.starts(trial.frames), cuts.layout.crop)
+    crops = trial.crops(cuts.starts(part), cuts.layout.span, cuts.layout.step)
     each = [found for copies in map(look_at_all, count(), crops) for found in copies]
     return {name: np.stack([found[name] for found in each]) for name in families}

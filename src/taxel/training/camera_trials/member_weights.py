@@ -19,6 +19,9 @@ members of a kind badly. Source: our choice, decision 41."""
 TRUST: Final = 1.0
 """Observations that a held-out group is worth where its trials part the kinds of members. Source:
 our choice, decision 41."""
+EQUAL_GROUPS, LEAST_EQUAL = 2.0, 0.25
+"""How much equal weights of a trial's crops count beside the trials, as a multiple of their number:
+so many, divided by the number of groups, and at least so much. Source: our choice, decision 41."""
 DOUBT: Final = 2.0
 """What a squared logarithm of a power adds to the summed log-loss under which it is found, nats:
 few trials leave it near 1. Source: our choice, decision 41."""
@@ -29,7 +32,10 @@ LEAST: Final = 1e-6
 
 
 def weigh(
-    held: NDArray[np.float64], y: NDArray[np.intp], prior: NDArray[np.float64]
+    held: NDArray[np.float64],
+    y: NDArray[np.intp],
+    prior: NDArray[np.float64],
+    strength: float = PRIOR,
 ) -> NDArray[np.float64]:
     """Return weights under which the members' mean is likeliest, drawn towards their priors.
 
@@ -39,10 +45,11 @@ def weigh(
         held: Shape (trials, members, classes).
         y: Shape (trials,).
         prior: Shape (members,).
+        strength: Of the prior beside the trials, as a multiple of their number.
     """
     right = np.maximum(held[np.arange(len(y)), :, y], LEAST)
     count, members = right.shape
-    drawn = PRIOR * count * prior / prior.sum() if prior.any() else np.zeros(members)
+    drawn = strength * count * prior / prior.sum() if prior.any() else np.zeros(members)
     weights = np.full(members, 1 / members)
     for _ in range(_ROUNDS):
         share = right * weights
@@ -50,6 +57,22 @@ def weigh(
         weights = share.sum(axis=0) + drawn
         weights /= weights.sum()
     return weights
+
+
+def weigh_places(
+    held: NDArray[np.float64], y: NDArray[np.intp], groups: int
+) -> NDArray[np.float64]:
+    """Return what each of a trial's crops counts in its mean, shape (places,), summing to 1.
+
+    Drawn towards equal weights, the more so the fewer groups there are.
+
+    Args:
+        held: Shape (trials, places, classes).
+        y: Shape (trials,).
+        groups: How many the trials are of.
+    """
+    strength = max(LEAST_EQUAL, EQUAL_GROUPS / groups)
+    return weigh(held, y, np.ones(held.shape[1]), strength)
 
 
 def trusted(

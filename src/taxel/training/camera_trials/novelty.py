@@ -25,6 +25,9 @@ REJECTED: Final = 0.05
 DIRECTIONS: Final = 12
 NEAREST: Final = 5
 """Source of both: our choice, docs/decisions/0041."""
+NARROWEST: Final = 1e-3
+"""Share of the widest direction's spread below which crops hardly differ along one: scaled to 1,
+rounding errors alone would be seen there. Source: our choice, docs/decisions/0041."""
 UNSEEN: Final = ("picture", "network")
 """Views that are not looked at: their many columns would outweigh all others. Source: our
 choice, docs/decisions/0041."""
@@ -54,7 +57,8 @@ class Novelty:
         squeezed = Squeezed.of(rows[:, columns])
         alike = squeezed.apply(rows[:, columns]).astype(np.float64)
         spread, axes = _main_axes(alike)
-        count = min(DIRECTIONS, len(rows) - 1, len(axes))
+        wide = int((spread > NARROWEST * spread.max(initial=0.0)).sum())  # fewer of equal crops
+        count = min(DIRECTIONS, len(rows) - 1, len(axes), max(1, wide))
         scale = np.sqrt(len(rows)) / np.maximum(spread[:count], 1e-6)
         directions = (axes[:count].T * scale).astype(np.float32)
         return Novelty(columns, squeezed, directions, (alike @ directions).astype(np.float32))

@@ -22,7 +22,8 @@ from taxel.models.backbones.touch import HEIGHT_PX, WIDTH_PX
 from taxel.windows.camera_trials import CameraTrial, read_camera_trials
 
 STRETCHES = 3
-"""First, middle and last, as crops of camera trials (decision 0041)."""
+"""First, middle and last of the whole video; camera trials take their crops from the part in which
+something moves (decision 0041)."""
 IMAGES = 8
 """Of a stretch."""
 APART_S = 0.24

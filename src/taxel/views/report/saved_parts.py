@@ -224,6 +224,16 @@ def _events(own: Row) -> list[object]:
     ]
 
 
+def _crop_words(data: Row) -> str:
+    """Return what a crop is; results saved by older versions have crops of whole trials."""
+    every = data.get("every", 1)
+    words = number_of(data["crop"], "frame")
+    if every > 1:
+        words = f"{number_of(data['crop'], 'image')}, one in {every} frames,"
+    moving = " of the part in which something moves" if data.get("of_moving_part") else ""
+    return words + moving
+
+
 def _trials(data: Row) -> Html:
     rows = [
         {"name": row["name"]}
@@ -235,7 +245,7 @@ def _trials(data: Row) -> Html:
             tag(
                 "p",
                 f"{number_of(data['trials'], 'trial')}, "
-                f"{number_of(data['crops_a_trial'], 'crop')} of {number_of(data['crop'], 'frame')} "
+                f"{number_of(data['crops_a_trial'], 'crop')} of {_crop_words(data)} "
                 f"each; {data['split']}, {number_of(data['folds'], 'fold')}.",
             ),
             table(

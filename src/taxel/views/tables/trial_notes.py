@@ -97,13 +97,14 @@ def trial_notes(trials: TrialSet) -> list[str]:
     return [note for note in found if note is not None]
 
 
-def crop_notes(ours: TrialResult) -> list[str]:
+def crop_notes(ours: TrialResult, moving: bool = False) -> list[str]:
     """Return a note where a crop alone is better than all of a trial's together.
 
     In log-loss, and by `CROP_AHEAD` or more in accuracy; few trials may show that by chance.
 
     Args:
         ours: The recogniser's result.
+        moving: Whether crops are taken from the part in which something moves already.
     """
     if not ours.places:
         return []
@@ -114,7 +115,7 @@ def crop_notes(ours: TrialResult) -> list[str]:
     return [
         f"the {PLACES[best]} crop alone is more accurate ({100 * alone.accuracy:.1f} %) than all "
         f"of a trial's crops together ({100 * whole.accuracy:.1f} %): if little happens in the "
-        "others, cut the trials to the touch"
+        f"others, {'' if moving else 'try --moving-part, or '}cut the trials to the touch"
     ]
 
 

@@ -72,7 +72,7 @@ def trial_tables(
             for place, scores in zip(PLACES, result.places, strict=True)
         ]
         parts.append(_table("by one crop alone", rows))
-        parts += [Text(f"note: {note}") for note in crop_notes(ours)]
+        parts += [Text(f"note: {note}") for note in crop_notes(ours, trials.layout.moving)]
     parts += [Text(_difference_line(difference)) for difference in differences]
     parts += [Text(f"{result.name}: {result.leaks}.") for result in results if result.leaks]
     parts.append(Text(_weakest(trials, split, ours)))
@@ -180,8 +180,9 @@ def _head(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
     frames = f"{layout.crop} frame{'s' * (layout.crop > 1)} each, seen whole"
     if layout.places > 1:
         frames = (
-            f"{trials.lengths.min()} to {trials.lengths.max()} frames, of each the first, the "
-            f"middle and the last {layout.crop}"
+            f"{trials.lengths.min()} to {trials.lengths.max()} frames; of each, three crops "
+            f"(first, middle, last) of {layout.words}"
+            f"{', from the part in which something moves' * layout.moving}"
         )
     through = trials.network and f" taxel also passes their images through {trials.network.words}."
     return (
@@ -286,6 +287,8 @@ def trial_json(
         "cameras": trials.cameras,
         "crop": trials.layout.crop,
         "crops_a_trial": trials.layout.places,
+        "every": trials.layout.step,
+        "of_moving_part": trials.layout.moving,
         "split": split.name,
         "folds": len(split.folds),
         "network": trials.network and trials.network.words,
