@@ -320,7 +320,7 @@ def _contract(entries: Fields) -> TrialContract:
     weights = entries.numbers("weights")
     if weights and (
         places == 1 or set(weights) != set(PLACES) or min(weights.values()) < 0
-        or abs(sum(weights.values()) - 1) > _ROUNDED
+        or not abs(sum(weights.values()) - 1) <= _ROUNDED  # nor NaN
     ):  # fmt: skip
         raise ValueError("weights of crops that are not one for each place, summing to 1")
     return TrialContract(

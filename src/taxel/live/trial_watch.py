@@ -2,7 +2,7 @@
 
 Each half crop a further crop is looked at, and the verdict is that of all crops so far. When the
 trial is over, the verdict is the one that evaluation gives: of the first, middle and last crop of
-its part in which something moves.
+it, or of its part in which something moves, as the bundle says.
 Adds no maths of its own. Knows nothing about screens or training frameworks.
 
 Background of our choices: docs/decisions/0041.

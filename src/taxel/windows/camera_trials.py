@@ -91,7 +91,7 @@ class CameraTrial:
                     if number in wanted:
                         own[number] = image
             read = crop.start + span
-            yield [[own[number] for number in crop] for own in held]
+            yield [[own[number] for number in crop if number in own] for own in held]
 
     def moments(self) -> Iterator[tuple[Image, ...]]:
         """Yield the images of all cameras, a moment after another.

@@ -32,7 +32,7 @@ LEAST_CROP: Final = 8
 """Frames in which movement is summed up; of a shorter crop the last frame stands still to them.
 Source: our choice, docs/decisions/0041."""
 PLACES: Final[tuple[str, ...]] = ("first", "middle", "last")
-"""The crops of each trial, of its part in which something moves; a set whose trials all have a
+"""The crops of each trial, or of its part in which something moves; a set whose trials all have a
 crop's length has the first alone."""
 REFERENCE_FRAMES: Final = 3
 """Frames at a crop's start whose median is its reference: 0.12 s at 25 frames a second."""

@@ -21,9 +21,9 @@ LONGEST_CROP: Final = 48
 """Images of a crop where all trials are longer: 2 s at 25 images a second. Source: our choice,
 docs/decisions/0041."""
 CROP_HZ: Final = 25.0
-"""Images a second of a crop: of faster cameras some are left out, as far as the shortest trial
-still fills a crop. All that is measured in a crop was made for it. Source: our choice,
-docs/decisions/0041."""
+"""Images a second of a crop of the part in which something moves: of faster cameras some are left
+out, as far as the shortest trial still fills a crop. All that is measured in a crop was made for
+it. Source: our choice, docs/decisions/0041."""
 BETWEEN: Final = 6, 2, 0
 """Crops between the places, even numbers, of which the most are taken that `MOST_CROPS` allow."""
 MOST_CROPS: Final = 3000

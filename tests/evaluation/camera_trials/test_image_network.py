@@ -219,6 +219,16 @@ def test_older_contracts_have_crops_of_whole_trials_and_absurd_layouts_are_refus
             contract_from_json(contract_to_json(replace(_CONTRACT, **wrong)))
 
 
+def test_a_weight_that_is_no_number_is_refused() -> None:
+    """JSON itself allows NaN; a verdict would be made of it."""
+    text = contract_to_json(
+        replace(_CONTRACT, weights={"first": 0.5, "middle": 0.25, "last": 0.25})
+    )
+    assert contract_from_json(text).weights["first"] == 0.5
+    with pytest.raises(BadBundle):
+        contract_from_json(text.replace("0.5,", "NaN,"))
+
+
 _CONTRACT = TrialContract(
     target="slipped", classes=("0", "1"), crop=10, places=3, views=("pixels",),
     versions=(FAMILIES["pixels"].key,), cameras=2, width=320, height=240, rate_hz=25.0,
