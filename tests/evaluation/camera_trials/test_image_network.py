@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import cv2
 import numpy as np
@@ -14,9 +15,11 @@ from numpy.typing import NDArray
 from onnx import helper, numpy_helper
 from trial_makers import some_trials
 
+from taxel.bundles.engine import Engine
 from taxel.bundles.envelope import pack
 from taxel.bundles.trials import (
     IN_RUN,
+    TrialBundle,
     TrialContract,
     contract_from_json,
     contract_to_json,
@@ -29,7 +32,7 @@ from taxel.errors import BadBundle
 from taxel.evaluation.camera_trials.final import kept_views
 from taxel.evaluation.camera_trials.trial_set import Sight, TrialSet, load_trial_set
 from taxel.foreign.archives import read_members
-from taxel.live.trial_watch import predict_trials
+from taxel.live.trial_watch import predict_trials, verdict_config
 from taxel.models.backbones.efficientnet_lite import EfficientNetLite
 from taxel.models.onnx_session import open_session
 from taxel.models.stage_looks import NETWORK, StageLooks, export_stage_looks
@@ -217,6 +220,15 @@ def test_older_contracts_have_crops_of_whole_trials_and_absurd_layouts_are_refus
     ):
         with pytest.raises(BadBundle):
             contract_from_json(contract_to_json(replace(_CONTRACT, **wrong)))
+
+
+def test_a_verdict_takes_each_crop_s_weight_from_its_own_place() -> None:
+    """Written as JSON, the last place stands before the middle one."""
+    weights = {"first": 0.5, "middle": 0.3, "last": 0.2}
+    contract = contract_from_json(contract_to_json(replace(_CONTRACT, weights=weights)))
+    config = verdict_config(TrialBundle(contract, cast(Engine, None)))
+    assert config.places == (0.5, 0.3, 0.2)
+    assert verdict_config(TrialBundle(_CONTRACT, cast(Engine, None))).places == ()
 
 
 def test_a_weight_that_is_no_number_is_refused() -> None:
