@@ -37,8 +37,9 @@ from taxel.models.backbones.efficientnet_lite import EfficientNetLite
 from taxel.models.onnx_session import open_session
 from taxel.models.stage_looks import NETWORK, StageLooks, export_stage_looks
 from taxel.models.weights import find_weights
-from taxel.training.camera_trials.blend import MEMBERS, fit_blend
+from taxel.training.camera_trials.blend import fit_blend
 from taxel.training.camera_trials.image_network import find_image_network
+from taxel.training.camera_trials.members import MEMBERS
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_crops import FAMILIES
 from taxel.windows.trial_layout import Layout
