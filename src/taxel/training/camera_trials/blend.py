@@ -36,7 +36,9 @@ from taxel.training.camera_trials.novelty import (
 from taxel.windows.trial_mirrors import Mirror, mirrors
 
 INNER_TREES: Final = 150
-"""Of a forest on an inner fold. Source: our choice, decision 41."""
+CHOICE_TREES: Final = 50
+"""Of a forest on an inner fold, and of one there that only helps to choose how trials are cut.
+Source: our choice, decision 41."""
 MOST_NUMBERS: Final = 18_000_000
 """Of all forests that are kept, four a node and one a class: beyond it they have fewer trees, so
 that a bundle with an image network of 7 MB stays within some 20 MB. Source: 16 bytes a node of 22
@@ -142,7 +144,7 @@ def inner_losses(
     seed: int,
     on_step: Callable[[str], None] = lambda line: None,
 ) -> NDArray[np.float64]:
-    """Return what a blend would lose on trials of inner folds, without fitting it to all.
+    """Return what a blend of smaller forests would lose on trials of inner folds.
 
     Args:
         learning: As in `fit_blend`.
@@ -155,7 +157,16 @@ def inner_losses(
         Shape (trials,): log-losses, nats; NaN for trials that no inner fold holds out.
     """
     held = held_out_parts(learning.y, learning.groups, learning.order, seed)
-    return _weighed(learning, (cameras, widths), seed, MEMBERS, held, on_step).losses
+    members = tuple(_quick(member) for member in MEMBERS)
+    return _weighed(learning, (cameras, widths), seed, members, held, on_step).losses
+
+
+def _quick(member: TrialMember) -> TrialMember:
+    """Return a member with `CHOICE_TREES` trees at most."""
+    return replace(
+        member,
+        make=lambda seed, trees, width: member.make(seed, min(trees, CHOICE_TREES), width),
+    )
 
 
 def _weighed(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
 
 from taxel.training.camera_trials.rank_sums import Logistic, Steady
-from taxel.windows.trial_crops import numbers_of
+from taxel.windows.trial_crops import CHANGES, numbers_of
 
 TREES: Final = 400
 """Of a forest that is kept. Source: our choice, decision 41."""
@@ -57,7 +57,7 @@ class TrialMember:
         """What it sees: movement only, one of the plain picture, the network and the touch encoder
         only, or look, all else.
         """
-        if set(self.views) <= {"pixels", "slip"}:
+        if {view for view, names in self.views.items() if names != CHANGES} <= {"pixels", "slip"}:
             return "movement"
         (first, *others) = self.views
         return first if first in ("picture", "network", "touch") and not others else "look"
@@ -105,6 +105,9 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
         name="discriminant on differences and slip",
         views={"pixels": DIFFERENCES, "slip": SLIP_PARTS},
         make=lambda seed, trees, width: Steady(0.5), further=True,
+    ),
+    TrialMember(
+        name="extra-trees on changes", views={"stills": CHANGES}, make=extra, mirrored=True
     ),
     TrialMember(
         name="extra-trees on everything", views=EVERYTHING, make=extra, mirrored=True,
