@@ -1,4 +1,4 @@
-"""The monitor that comes with taxel: what it cannot follow is UNKNOWN, never STABLE."""
+"""The monitors that come with taxel: what they cannot follow is UNKNOWN, never STABLE."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
-from taxel.bundles.shipped import CUP_POUR, shipped_bundle
+from taxel.bundles.shipped import CUP_POUR, DEFAULT_WARNING, shipped_bundle
 from taxel.decisions.reasons import kind_of
 from taxel.decisions.stability import Stability
 from taxel.frame_codec import decode_jpeg, encode_jpeg
@@ -23,9 +23,14 @@ GOOD = 50
 Fault = Callable[[Frame, int], Frame]
 
 
-@pytest.fixture(scope="module")
-def bundle() -> GraspBundle:
-    return read_grasp_bundle(shipped_bundle(CUP_POUR))
+FOLLOWED_BY_CHANCE = (DEFAULT_WARNING, "another gel")
+"""Parts of the other gel's image fit the settled grasp, so that slip is measured in it: 0.3 mm over
+one gel, none over the other. `cup-pour` warns of that; see docs/decisions/0037."""
+
+
+@pytest.fixture(scope="module", params=[DEFAULT_WARNING, CUP_POUR])
+def bundle(request: pytest.FixtureRequest) -> GraspBundle:
+    return read_grasp_bundle(shipped_bundle(request.param))
 
 
 @pytest.fixture(scope="module")
@@ -95,8 +100,10 @@ def test_a_cup_that_is_held_is_stable_once_it_has_settled(bundle, held) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(FAULTS))
-def test_what_cannot_be_followed_is_never_stable(bundle, held, name: str) -> None:
+def test_what_cannot_be_followed_is_never_stable(bundle, held, name: str, request) -> None:
     """0.2 s after a fault at the latest."""
+    if (request.node.callspec.params["bundle"], name) == FOLLOWED_BY_CHANCE:
+        request.applymarker(pytest.mark.xfail(strict=True, reason="it is followed, by chance"))
     answers = watch(bundle, held, FAULTS[name])
     late = [answer.decision for answer in answers[GOOD + 14 :]]
 
