@@ -56,6 +56,15 @@ def test_what_shows_in_two_images_is_an_object_that_falls(light):
     assert not light.doubted
 
 
+def test_a_quick_camera_needs_more_images(light):
+    found = []
+    for number in range(8):
+        light.take(mirrored(number), 0.2 + number / 60)
+        found.append(light.exchanged)
+
+    assert found == [False] * 5 + [True] * 3
+
+
 def test_it_is_doubted_until_it_is_clear(light):
     took(light, [mirrored()], 5)
     assert light.doubted

@@ -34,8 +34,8 @@ _DARKEST: Final = 12.0
 """Mean grey level below which an image shows no light that could be compared: it changes nothing.
 Source: our choice, decision 37."""
 _CHANGE: Final = 0.032
-"""Change of the logarithm of the light, from one image to the next, that touch does not make: three
-images of simulated grasps reach 0.023. Source: our choice, decision 37."""
+"""Change of the logarithm of the light, from one image to the next, that touch does not make in
+`_IMAGES` images: simulated grasps reach 0.019. Source: our choice, decision 37."""
 _STEP_S: Final = 0.04
 """Time between images at which `_CHANGE` holds; it grows with the root of longer times, as motion
 between images does. Source: our choice, decision 37."""
@@ -44,6 +44,9 @@ _LONGEST_S: Final = 0.2
 _IMAGES: Final = 3
 """Images in a row that must show another light, or again the earlier one: an object that falls out
 of the picture crosses the border in two. Source: our choice, decision 37."""
+_LASTS_S: Final = 0.07
+"""Time for which they must at least show it, where a camera is quick: less than two images take of
+a GelSight Mini. Source: our choice, decision 37."""
 
 Light = NDArray[np.float32]
 """Shape (12 · 2 · 3, 3): logarithm of the light at each place, by colour."""
@@ -62,6 +65,7 @@ class BorderLight:
         self._good, self._good_s = self._settled, float("-inf")
         self._limit = 0.0
         self._other = self._back = 0
+        self._other_s = float("-inf")
         self.exchanged = False
         """True while the images are not those of this grasp."""
 
@@ -83,6 +87,7 @@ class BorderLight:
         change = light_change(np.stack([self._good, self._settled]), light)
         if not self._other:
             self._limit = _limit(taken_s - self._good_s)
+            self._other_s = taken_s
         other = change > self._limit
         if self.exchanged:
             self._back = 0 if other else self._back + 1
@@ -90,7 +95,8 @@ class BorderLight:
                 return
         elif other:
             self._other += 1
-            self.exchanged = self._other >= _IMAGES
+            brief = 0 < taken_s - self._other_s < _LASTS_S
+            self.exchanged = self._other >= _IMAGES and not brief
             return
         self._good, self._good_s = light, taken_s
         self._other = self._back = 0
