@@ -2,7 +2,7 @@
 
 from taxel.actions.grip_policy import GripPolicy
 from taxel.bundles.grasp import read_grasp_bundle
-from taxel.bundles.shipped import CUP_POUR, shipped_bundle
+from taxel.bundles.shipped import DEFAULT_WARNING, shipped_bundle
 from taxel.live.closed_loop import (
     LoopConfig,
     MonitoredGrip,
@@ -17,7 +17,7 @@ from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
 runs = list_runs(CupPourConfig(cups=1, first_cup=7001, forces_n=(15.0,), positions=("upper",)))
 config = LoopConfig()
 pour = open_pour(runs[0], config)
-bundle = read_grasp_bundle(shipped_bundle(CUP_POUR))
+bundle = read_grasp_bundle(shipped_bundle(DEFAULT_WARNING))
 grip = MonitoredGrip(GraspMonitor(bundle, pour.cameras), GripPolicy(runs[0].force_n))
 
 for name, track in (

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taxel.bundles.shipped import CUP_POUR, DEFAULT_WARNING
 from taxel.cli.main import VERBS, load_verb, main, split_command
 from taxel.cli.old_spellings import refuse_old
 from taxel.cli.options.rules import check_rules
@@ -19,6 +20,9 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 OWN_ARRAY = ROOT / "docs" / "how-to" / "own-array.md"
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 SHELL = re.compile(r"^```(?:sh|bash|console)\n(.*?)^```", re.M | re.S)
+RUNS_WARNING = re.compile(r"taxel (?:live|sweep) +(slip-both-gels|cup-pour|slip-rule)\b")
+PICTURED = re.compile(r"(?<=^!\[The page)[^\n]*page\.png\)\n\n\*.*?\*$", re.M | re.S)
+"""A picture's caption names what ran when it was taken."""
 ANY_BLOCK = re.compile(r"^```.*?^```", re.M | re.S)
 
 
@@ -68,6 +72,44 @@ def test_every_command_as_it_is_printed_is_understood(page: Path):
             refused.append(f"{line}: {error}")
 
     assert refused == []
+
+
+@pytest.mark.parametrize(
+    "page",
+    [page for page in PAGES if "decisions" not in page.parts and page.name != "figures.md"],
+    ids=lambda page: str(page.relative_to(ROOT)),
+)
+def test_what_a_page_has_a_user_run_live_is_the_default_warning(page: Path):
+    """Of the warnings that come with taxel, only that one is not silent on gels that shear."""
+    text = PICTURED.sub("", page.read_text("utf-8"))
+    code = [*ANY_BLOCK.findall(text), *re.findall(r"`[^`\n]+`", ANY_BLOCK.sub("", text))]
+    run = {name for part in code for name in RUNS_WARNING.findall(part)}
+
+    assert run <= {DEFAULT_WARNING}
+
+
+def test_an_example_that_watches_a_cup_uses_the_default_warning():
+    texts = [path.read_text("utf-8") for path in (ROOT / "examples").glob("*.py")]
+
+    assert any("shipped_bundle(DEFAULT_WARNING)" in text for text in texts)
+    assert not any(re.search(r"CUP_POUR|shipped_bundle\(\"", text) for text in texts)
+
+
+@pytest.mark.parametrize(
+    ("verb", "words"),
+    [
+        ("live", f"{DEFAULT_WARNING}, {CUP_POUR} or slip-rule, which come with taxel"),
+        ("sweep", f"{DEFAULT_WARNING}, {CUP_POUR} or slip-rule, which come with taxel"),
+        ("info", f"such as {DEFAULT_WARNING}, which comes with taxel"),
+    ],
+)
+def test_help_names_the_default_warning_first(
+    verb: str, words: str, capsys: pytest.CaptureFixture[str]
+):
+    with pytest.raises(SystemExit):
+        main([verb, "--help"])
+
+    assert words in re.sub(r"[│\s]+", " ", capsys.readouterr().out)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

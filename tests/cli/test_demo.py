@@ -4,9 +4,11 @@ import io
 import json
 from contextlib import redirect_stdout
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from taxel.bundles.shipped import BOTH_GELS, DEFAULT_WARNING, shipped_bundle
 from taxel.cli.demo import Demo
 from taxel.cli.main import main
 from taxel.errors import BadInput
@@ -59,3 +61,17 @@ def test_a_page_for_less_than_no_time_is_refused_before_anything_is_written(
     with pytest.raises(BadInput, match="--seconds of at least 0"):
         Demo(output=tmp_path / "demo", seconds=seconds).run()
     assert not (tmp_path / "demo").exists()
+
+
+def test_the_page_and_the_command_to_try_next_run_the_default_warning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ran: list[Any] = []
+    monkeypatch.setattr("taxel.cli.live.station.live_station", ran.append)
+    demo = Demo(output=tmp_path / "demo")
+    demo._page([], 1.0)
+    demo._what_to_look_at(1.0)
+
+    assert DEFAULT_WARNING == BOTH_GELS
+    assert ran[0].bundles == (shipped_bundle(BOTH_GELS),)
+    assert f"taxel live {BOTH_GELS} sim://cup-pour --page" in capsys.readouterr().out

@@ -24,7 +24,7 @@ from taxel.bench.closed_loop.tuning import (
     tune_loop,
 )
 from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
-from taxel.bundles.shipped import BOTH_GELS, CUP_POUR, shipped_bundle
+from taxel.bundles.shipped import BOTH_GELS, CUP_POUR, DEFAULT_WARNING, shipped_bundle
 from taxel.errors import BadInput
 from taxel.live.closed_loop import (
     GripCommand,
@@ -89,9 +89,12 @@ def test_a_cup_that_drops_without_taxel_is_saved_by_the_monitor_and_the_grip(
 
 
 @pytest.mark.slow
-def test_the_monitor_that_comes_with_taxel_saves_the_cup_and_leaves_one_that_holds_alone() -> None:
+@pytest.mark.parametrize("name", [DEFAULT_WARNING, CUP_POUR])
+def test_a_monitor_that_comes_with_taxel_saves_the_cup_and_leaves_one_that_holds_alone(
+    name: str,
+) -> None:
     """At its own thresholds, which are those of a promise of false alarms."""
-    shipped = read_grasp_bundle(shipped_bundle(CUP_POUR))
+    shipped = read_grasp_bundle(shipped_bundle(name))
     saved, still = (close(shipped, run, own=True) for run in (DROPS, HOLDS))
 
     assert not saved.dropped

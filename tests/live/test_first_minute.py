@@ -15,7 +15,7 @@ import pytest
 
 from taxel.bench.faults.hostile_images import replay, write_hostile_replay
 from taxel.bundles.grasp import read_grasp_bundle
-from taxel.bundles.shipped import CUP_POUR, shipped_bundle
+from taxel.bundles.shipped import DEFAULT_WARNING, shipped_bundle
 from taxel.clock import ManualClock
 from taxel.decisions.reasons import SIMULATED, kind_of
 from taxel.decisions.stability import Stability
@@ -120,7 +120,7 @@ def test_a_camera_that_froze_in_the_pause_is_reported_by_its_third_missing_image
 
 def test_a_real_camera_that_sends_nothing_after_a_mark_is_gone_as_ever():
     """It said nothing of a pause."""
-    bundle = read_grasp_bundle(shipped_bundle(CUP_POUR))
+    bundle = read_grasp_bundle(shipped_bundle(DEFAULT_WARNING))
     monitor = GraspMonitor(bundle, tuple(replace(camera, details={}) for camera in CAMERAS))
     for camera in (0, 1):
         monitor.see(frame(camera, 0, 0.0))
@@ -129,7 +129,7 @@ def test_a_real_camera_that_sends_nothing_after_a_mark_is_gone_as_ever():
 
 
 def test_a_mark_from_ahead_does_not_keep_cameras_from_being_missed():
-    monitor = GraspMonitor(read_grasp_bundle(shipped_bundle(CUP_POUR)), CAMERAS)
+    monitor = GraspMonitor(read_grasp_bundle(shipped_bundle(DEFAULT_WARNING)), CAMERAS)
     for camera in (0, 1):
         monitor.see(frame(camera, 0, 0.0))
     assert monitor.over(1e9, 0.01).state is Stability.NO_GRASP
@@ -157,7 +157,7 @@ def watched() -> list[dict[str, Any]]:
         patched.setattr(inference, "monotonic", clock.now_s)
         place = SimpleNamespace(name="monitor")
         job = SimpleNamespace(place=place, cameras=source.cameras, trust=None, device="cpu")
-        watcher = inference._GraspWatcher(shipped_bundle(CUP_POUR), job, ring, 0)  # type: ignore
+        watcher = inference._GraspWatcher(shipped_bundle(DEFAULT_WARNING), job, ring, 0)  # type: ignore
         pulse = SimpleNamespace(beat=lambda **_: None)
         while not source.ended:
             source.read(0.005)

@@ -14,6 +14,7 @@ from taxel.evaluation.early_warning.learn_slip_warning import (
     rule_probability,
     write_warning,
 )
+from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.gel.rim_slip import WITH_RIM, RimSlip
 from taxel.gel.slip_signal import PAIR_FEATURES, GelSlip, PairSlip
 from taxel.live.grasp_monitor import GraspMonitor
@@ -23,7 +24,7 @@ from taxel.training.slip.cups import paper_runs, seen_pour, true_pours
 from taxel.training.slip.onnx_graph import linear_model
 from taxel.training.slip.pose_noise import settle
 from taxel.training.slip.rim_features import rim_features
-from taxel.windows.pairs import FramePairer
+from taxel.windows.pairs import FramePairer, FrameSet
 
 CLOCK_S = 10.0
 """By how much the simulated cameras' own clocks are ahead."""
@@ -81,6 +82,28 @@ def test_live_equals_batch_to_the_last_bit(pour):
     assert len(live) == len(offline) == len(sets)
     assert np.array_equal(np.stack(live), np.stack(offline))
     assert watch.slip == pair.slip
+
+
+def test_what_an_exchanged_image_showed_is_forgotten(pour):
+    """Once the earlier image is back, slip is as if that camera had sent none between."""
+    cameras, sets, _ = pour
+    spoiled, spared = SlipWatch(cameras, rim=True), SlipWatch(cameras, rim=True)
+    for number, found in enumerate(sets[:70]):
+        left, right = found.frames
+        if 40 <= number < 55:
+            image = np.ascontiguousarray(decode_jpeg(right.jpeg, None)[:, ::-1])
+            spoiled.see(FrameSet((left, replace(right, jpeg=encode_jpeg(image)))))
+        else:
+            spoiled.see(found)
+        if not 40 <= number < 62:
+            spared.see(found)
+        if number in (39, 54):
+            assert spoiled.exchanged == (None if number == 39 else 1)
+            assert spoiled.gels[1].seen == (number == 39)
+
+    assert spoiled.exchanged is None
+    assert spoiled.gels[1].distance_mm == pytest.approx(spared.gels[1].distance_mm, abs=1e-3)
+    assert spoiled.gels[1].seen
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ grasp that is watched: one datagram a tick, UTF-8, one JSON object:
     reason       why it is UNKNOWN (docs/reference/unknown.md); empty otherwise
     probability  of instability, 0…1; null where the monitor gives none
     score        0…1, of a monitor that gives a warning's score and no probability, such as
-                 cup-pour; what it is compared with stands in the bundle; null otherwise
+                 slip-both-gels; what it is compared with stands in the bundle; null otherwise
     slip         how far the object has slipped, as an object with slip_mm, slip_rate_mm_s,
                  slip_compliance, the standard deviation of each (…_sd…) and slip_seen; null
                  where the monitor does not follow it

@@ -16,6 +16,9 @@ worth: docs/decisions/0036."""
 BOTH_GELS = "slip-both-gels"
 """The same forecast, learned on rigid gels and on gels that shear as layers, by
 `taxel train-slip --gel both`. What it is worth: docs/decisions/0037."""
+DEFAULT_WARNING = BOTH_GELS
+"""What taxel itself starts on two tactile cameras, and what its pages run: nobody knows how a real
+gel shears, and `cup-pour` is silent on gels that do (docs/decisions/0037)."""
 FORMER = {"slip-forecast": CUP_POUR}
 """Name that a bundle had before → its name."""
 

@@ -7,6 +7,7 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from taxel.bundles.shipped import DEFAULT_WARNING, shipped_bundle
 from taxel.cli.extras import need_extra
 from taxel.cli.printing import command, console, progress, say
 from taxel.errors import BadInput
@@ -70,11 +71,10 @@ class Demo:
             self._page(bundles, seconds)
 
     def _page(self, bundles: list[Path], seconds: float | None) -> None:
-        from taxel.bundles.shipped import CUP_POUR, shipped_bundle
         from taxel.cli.live.station import SIMULATED, StationOptions, live_station
 
         options = StationOptions(
-            bundles=(shipped_bundle(CUP_POUR), *bundles),
+            bundles=(shipped_bundle(DEFAULT_WARNING), *bundles),
             sources=(f"sim://cup-pour?seed={self.seed}", f"sim://teng?seed={self.seed + 1}"),
             seconds=seconds,
             least_confidence=0.5,
@@ -168,7 +168,7 @@ class Demo:
              ("taxel", "live", out / "shape.taxel", "--also", out / "material.taxel",
               f"sim://teng?seed={self.seed + 1}", "--seconds", "60")),
             ("a cup, a gripper, a page",
-             ("taxel", "live", "cup-pour", "sim://cup-pour", "--page", "--gripper", "sim",
+             ("taxel", "live", DEFAULT_WARNING, "sim://cup-pour", "--page", "--gripper", "sim",
               "--arm")),
             ("your own sensor", ("docs/how-to/own-array.md",)),
         ):  # fmt: skip

@@ -110,6 +110,13 @@ REASONS: dict[str, Reason] = {
         "alarm that is on stays on.",
         "Look at the picture of that gel; once it can be seen, press n for a new grasp.",
     ),
+    "exchanged": Reason(
+        "the {camera} camera's image is not that of this grasp",
+        "Three images in a row show another light at their left and right border, which touch "
+        "does not change so: the image was mirrored, turned or moved, or is another gel's. An "
+        "alarm that is on stays on. Small shifts and turns are not noticed.",
+        "Bring the earlier image back; or set the gripper down and press n for a new grasp.",
+    ),
     "unusable": Reason(
         "the images cannot be used",
         "The frames of this window were flagged as unusable.",

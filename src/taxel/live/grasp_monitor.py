@@ -196,7 +196,7 @@ class GraspMonitor:
         if self._watch is not None:
             gels = self._watch.gels
             slip = self._watch.slip
-            if self._watch.lost(self._config.largest_age_s) is not None:
+            if self._unseen() is not None:
                 slip = replace(slip, seen=False)  # one gel's is older than its image: no measure
             decision = replace(decision, slip=slip)
         latency_s = perf_counter() - started
@@ -220,13 +220,20 @@ class GraspMonitor:
     def _weighed(self, probability: float, time_s: float, now_s: float | None) -> StabilityDecision:
         """Return the state by the newest number: never STABLE where slip is not followed."""
         decision = self._monitor.push(probability, time_s, True, now_s)
-        lost = None
-        if self._watch is not None:
-            lost = self._watch.lost(self._config.largest_age_s)
-        if lost is None or decision.alarm or probability >= self._config.warn:
+        unseen = self._unseen()
+        if unseen is None or decision.alarm or probability >= self._config.warn:
             return decision
-        reason = REASONS["slip lost"].say(camera=self._cameras[lost].name)
-        return self._monitor.doubt(reason, time_s if now_s is None else now_s)
+        return self._monitor.doubt(unseen, time_s if now_s is None else now_s)
+
+    def _unseen(self) -> str | None:
+        """Return why the slip over a gel is not known; None where all are followed."""
+        if self._watch is None:
+            return None
+        exchanged = self._watch.exchanged
+        if exchanged is not None:
+            return REASONS["exchanged"].say(camera=self._cameras[exchanged].name)
+        lost = self._watch.lost(self._config.largest_age_s)
+        return None if lost is None else REASONS["slip lost"].say(camera=self._cameras[lost].name)
 
     def _waiting(self) -> str:
         """Return what is waited for before the first answer, and how long it will take."""

@@ -7,6 +7,7 @@ nothing. Adds no maths of its own. Knows nothing about models, decisions or scre
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 
@@ -14,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.frame_codec import decode_jpeg
+from taxel.gel.border_light import BorderLight
 from taxel.gel.markers import Rgb
 from taxel.gel.rim_slip import RimSlip
 from taxel.gel.scale import mm_per_row_px
-from taxel.gel.slip_signal import PairSlip, Slip
+from taxel.gel.slip_signal import GelSlip, PairSlip, Slip
 from taxel.gel.touch_poses import TouchFollower
 from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet
@@ -43,6 +45,9 @@ class SlipWatch:
         self._settle = settle
         self._cameras = tuple(cameras)
         self._followers: list[TouchFollower] = []
+        self._lights: list[BorderLight] = []
+        self._kept: dict[int, tuple[TouchFollower, GelSlip, NDArray[np.float64]]] = {}
+        """Camera → what was known of its gel before the images that it is doubted for."""
         self._early: list[tuple[tuple[Rgb, ...], tuple[float, ...], float]] = []
         self._shown: tuple[Rgb, ...] = ()
         self._jpegs: list[bytes] = [b""] * len(cameras)
@@ -75,6 +80,11 @@ class SlipWatch:
             if self._missed[camera] and not 0 < age_s <= longest_s:
                 return camera
         return None
+
+    @property
+    def exchanged(self) -> int | None:
+        """A camera whose images are not those of this grasp; None where all are."""
+        return next((at for at, light in enumerate(self._lights) if light.exchanged), None)
 
     @property
     def waiting(self) -> int:
@@ -116,6 +126,7 @@ class SlipWatch:
             part = [shown[camera] for shown, _, _ in early[self._settle]]
             fresh = [image for i, image in enumerate(part) if i == 0 or image is not part[i - 1]]
             self._followers.append(TouchFollower(fresh))
+            self._lights.append(BorderLight(fresh))
         return [self._step(*moment) for moment in early]
 
     def see(self, found: FrameSet) -> list[NDArray[np.float32]]:
@@ -139,6 +150,8 @@ class SlipWatch:
             if self._shown and image is self._shown[camera]:
                 continue
             fresh = True
+            if self._is_exchanged(camera, image, taken_s[camera]):
+                continue
             pose = self._followers[camera].follow(image)
             to_mm = self._to_mm[camera]
             self._missed[camera] = not self._pair.gels[camera].push(
@@ -157,6 +170,29 @@ class SlipWatch:
             rim, slip = self._rim_rad.mean(axis=0).astype(np.float32)
             self._rim.push(pair, float(rim), float(slip), time_s)
         return np.concatenate([pair, self._rim.features])
+
+    def _is_exchanged(self, camera: int, image: Rgb, taken_s: float) -> bool:
+        """Return whether a camera's images are not those of this grasp; nothing is followed then.
+
+        What was followed in the first of them is taken back.
+        """
+        light, gels = self._lights[camera], self._pair.gels
+        before, doubted = light.exchanged, light.doubted
+        light.take(image, taken_s)
+        if light.doubted and not doubted:
+            known = self._followers[camera], gels[camera], self._rim_rad[camera]
+            self._kept[camera] = copy.deepcopy(known)
+        elif light.exchanged and not before:
+            kept = self._kept.pop(camera)
+            self._followers[camera], gel, self._rim_rad[camera] = kept
+            self._pair.gels = (*gels[:camera], gel, *gels[camera + 1 :])
+        elif not light.doubted:
+            self._kept.pop(camera, None)
+        if light.exchanged:
+            nowhere = np.zeros(3)
+            self._missed[camera] = True
+            self._pair.gels[camera].push(nowhere, nowhere, nowhere, taken_s, seen=False)
+        return light.exchanged
 
 
 def taken_of(frame: Frame) -> float:

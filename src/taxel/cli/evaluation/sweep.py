@@ -51,7 +51,7 @@ class Sweep:
     """
 
     bundle: tyro.conf.Positional[Path]
-    """A bundle's file; or cup-pour, slip-both-gels or slip-rule, which come with taxel."""
+    """A bundle's file; or slip-both-gels, cup-pour or slip-rule, which come with taxel."""
     data: Path | None = None
     """Recordings that it was not trained on: a folder, or one recording."""
     simulate: bool = False

@@ -38,7 +38,7 @@ class Live:
     """
 
     bundle: tyro.conf.Positional[Path]
-    """A bundle, NAME.taxel; or cup-pour, slip-both-gels or slip-rule, which come with taxel. It
+    """A bundle, NAME.taxel; or slip-both-gels, cup-pour or slip-rule, which come with taxel. It
     runs on the processor, or on $TAXEL_DEVICE: cuda, tensorrt, rocm, migraphx, directml, coreml or
     openvino, where installed."""
     source: tyro.conf.Positional[str]

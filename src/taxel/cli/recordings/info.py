@@ -38,7 +38,7 @@ class Info:
 
     path: tyro.conf.Positional[Path]
     """A recording (.mcap), a folder of them, a table of camera trials (.csv), or a bundle (.taxel),
-    such as the cup-pour that comes with taxel."""
+    such as slip-both-gels, which comes with taxel."""
     all: bool = False
     """List all recordings of a folder and all channels of a recording, not only the first 40
     recordings or 100 channels. The totals are of all of them in any case."""
