@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from trial_makers import SIZE, as_avi, few_small_members, some_trials
+from trial_makers import SIZE, as_avi, few_small_members, some_trials, write_trials
 
 import taxel.training.camera_trials.blend as blending
 from taxel.bundles.trials import IN_RUN, read_trial_contract
@@ -18,14 +19,17 @@ from taxel.cli.training.train_trials import TrainTrials
 from taxel.evaluation.camera_trials.contenders import BAR
 from taxel.evaluation.camera_trials.crossval import judge_trials
 from taxel.evaluation.camera_trials.cut_choice import (
+    MOVING,
     CutTrials,
     choose_cuts,
     completed,
+    load_ways,
     training_sides,
 )
 from taxel.evaluation.camera_trials.sides import split_trials
-from taxel.evaluation.camera_trials.trial_set import TrialSet
+from taxel.evaluation.camera_trials.trial_set import Sight, TrialSet
 from taxel.views.tables.trial_notes import cut_line
+from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_layout import Layout
 
 
@@ -112,6 +116,33 @@ def pressed(slips: bool, before: int, behind: int, seed: int) -> list[NDArray[np
     return images
 
 
+def write_pressed(folder: Path, trials: int, before: int, behind: int) -> Path:
+    """Write trials of four objects, half of which slip, with rest of two lengths; their table."""
+    lines = ["camera:wrist,label:slipped,group:object"]
+    for number in range(trials):
+        slips, early = number // 4 % 2 == 1, (number + number // 4) % 2
+        rest = (before, behind + number) if early else (behind + number, before)
+        name = as_avi(folder / f"t{number}", pressed(slips, *rest, number))
+        lines.append(f"{name},{int(slips)},object {number % 4}")
+    (folder / "trials.csv").write_text("\n".join(lines) + "\n")
+    return folder / "trials.csv"
+
+
+def test_trials_are_cut_both_ways_only_where_the_ways_differ(tmp_path: Path) -> None:
+    trials = read_camera_trials(write_pressed(tmp_path, 8, 12, 20))
+    load = partial(load_ways, trials, None, tmp_path / "cache", sight=Sight(views=("pixels",)))
+    passes: list[str] = []
+    whole, part = load(crop=8, on_trial=lambda name, done, of: passes.append(name))
+    assert (whole.layout, part.layout) == (Layout(8, 3), Layout(8, 3, moving=True))
+    assert not np.array_equal(whole.rows, part.rows)
+    assert passes.count(MOVING) == 8
+    assert [own.layout for own in load(crop=8, moving=True)] == [part.layout]
+    assert [own.layout for own in load(crop=8, moving=False)] == [whole.layout]
+    short = read_camera_trials(write_trials(tmp_path / "short", objects=2, each=2, frames=10))
+    found = load_ways(short, None, tmp_path / "cache", sight=Sight(views=("pixels",)))
+    assert [own.layout for own in found] == [Layout(10, 1)]
+
+
 @pytest.mark.slow
 def test_a_touch_between_rest_is_found_and_its_crops_are_kept_in_the_bundle(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -119,15 +150,9 @@ def test_a_touch_between_rest_is_found_and_its_crops_are_kept_in_the_bundle(
     """Rest before and behind, of another length in each trial, in which no class shows: a crop at a
     trial's start, middle or end seldom shows the touch.
     """
-    lines = ["camera:wrist,label:slipped,group:object"]
-    for number in range(16):
-        slips = number // 4 % 2 == 1
-        before, behind = (25, 70 + number) if (number + number // 4) % 2 else (70 + number, 25)
-        name = as_avi(tmp_path / f"t{number}", pressed(slips, before, behind, number))
-        lines.append(f"{name},{int(slips)},object {number % 4}")
-    (tmp_path / "trials.csv").write_text("\n".join(lines) + "\n")
+    table = write_pressed(tmp_path, 16, 25, 70)
     options = TrialOptions(fold_count=2, crop=16, cache=tmp_path / "cache", network=False)
-    TrainTrials(trials=tmp_path / "trials.csv", output=tmp_path / "run", options=options).run()
+    TrainTrials(trials=table, output=tmp_path / "run", options=options).run()
     about = json.loads((tmp_path / "run" / "run.json").read_text())
     assert [own["moving"] for own in about["part_chosen"]] == [True] * 3
     assert all(own["loss_moving"] < own["loss_whole"] for own in about["part_chosen"])

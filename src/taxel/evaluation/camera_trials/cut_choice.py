@@ -33,6 +33,8 @@ from taxel.windows.trial_layout import choose_layout
 OnTrial = Callable[[str, int, int], None]
 MOVING: Final = "features of the part in which something moves"
 """The pass over the trials that are cut so."""
+MOTION: Final = "how much trials move"
+"""The pass that looks whether any is cut so."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +95,7 @@ def load_ways(
     slowest = min(trial.rate_hz for trial in trials)
     lengths = whole.lengths.tolist()
     layout = choose_layout(lengths, crop, rate_hz=slowest, moving=True)
-    if layout.places == 1 or all_moves(trials, layout, cache):
+    if layout.places == 1 or all_moves(trials, layout, cache, partial(on_trial, MOTION)):
         return (whole,)
     part = load(
         sight=replace(plain, moving=True), on_trial=lambda _, done, of: on_trial(MOVING, done, of)

@@ -202,20 +202,31 @@ def _kept(file: Path, trial: CameraTrial, cuts: Cuts, name: str) -> NDArray[np.f
     return values.reshape(cuts.places, -1, cameras, columns)
 
 
-def all_moves(trials: Sequence[CameraTrial], layout: Layout, cache: Path) -> bool:
+def all_moves(
+    trials: Sequence[CameraTrial],
+    layout: Layout,
+    cache: Path,
+    on_trial: Callable[[int, int], None] = lambda done, of: None,
+) -> bool:
     """Return whether crops of this layout are what crops of whole trials are, frame by frame.
 
     Args:
         trials: None shorter than a crop.
         layout: How they are cut.
         cache: Folder to keep in how much they move.
+        on_trial: Called with trials done and in all, until one is not wholly taken.
 
     Raises:
         RecordingFailed: The disk refused.
         BadTable: A video cannot be read.
     """
-    each = (len(_part(trial, layout, cache)) == trial.frames for trial in trials)
-    return layout.step == 1 and all(each)
+    if layout.step > 1:
+        return False
+    for done, trial in enumerate(trials, start=1):
+        if len(_part(trial, layout, cache)) < trial.frames:
+            return False
+        on_trial(done, len(trials))
+    return True
 
 
 def _part(trial: CameraTrial, layout: Layout, cache: Path) -> range:
