@@ -54,11 +54,13 @@ class TrialMember:
 
     @property
     def kind(self) -> str:
-        """What it sees: movement only, one of the plain picture, the network and the touch encoder
-        only, or look, all else.
+        """What it sees: movement only, coarse changes of stills only, one of the plain picture, the
+        network and the touch encoder only, or look, all else.
         """
-        if {view for view, names in self.views.items() if names != CHANGES} <= {"pixels", "slip"}:
+        if set(self.views) <= {"pixels", "slip"}:
             return "movement"
+        if self.views == {"stills": CHANGES}:
+            return "changes"
         (first, *others) = self.views
         return first if first in ("picture", "network", "touch") and not others else "look"
 
