@@ -277,10 +277,6 @@ def test_a_crop_alone_that_is_better_than_all_is_noted(
     assert len(found) == noted
     assert all(line.startswith("the middle crop alone is more accurate (90.0 %)") for line in found)
     assert crop_notes(whole) == []
-    assert all("--moving-part" in line for line in found)
-    again = crop_notes(replace(whole, places=places), moving=True)
-    assert len(again) == noted
-    assert not any("--moving-part" in line for line in again)
 
 
 def test_a_group_whose_name_is_a_number_is_no_count() -> None:

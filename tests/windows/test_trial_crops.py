@@ -9,10 +9,12 @@ import pytest
 from taxel.errors import BadInput
 from taxel.windows import trial_crops
 from taxel.windows.trial_crops import (
+    CHANGES,
     FAMILIES,
     PIXELS,
     SLIP,
     STATISTICS,
+    STILLS,
     Scene,
     look_at,
     numbers_of,
@@ -206,6 +208,16 @@ def test_columns_are_found_again_among_the_numbers(cameras: int):
 
     assert len(chosen) == 12 * 2 * (2 if cameras > 1 else 1)
     assert chosen[:4].tolist() == [2.0, 0.0, 0.0, 0.0]  # two means, then two deviations
+
+
+@pytest.mark.parametrize("cameras", [1, 2])
+def test_changes_are_what_the_thumbs_have_gained_since_the_first_frame(cameras: int):
+    shown = np.random.default_rng(2).normal(size=(3, cameras, STILLS)).astype(np.float32)
+    row = row_of({"stills": shown})["stills"]
+    found = row[numbers_of("stills", CHANGES, cameras)].reshape(-1, 2, 48)
+    gained = np.stack([shown[at, :, :48] - shown[0, :, :48] for at in (1, 2)])
+    expected = [gained.max(axis=1), gained.min(axis=1)] if cameras == 2 else [gained[:, 0]]
+    assert np.array_equal(found, expected)
 
 
 def test_poses_are_measured_in_millimetres_and_seconds(monkeypatch: pytest.MonkeyPatch):

@@ -75,6 +75,9 @@ MOVES: Final[tuple[str, ...]] = (
 """Of each frame: how object and gel have moved since the crop's first frames, turns in radians."""
 STILLS: Final = THUMB[0] * THUMB[1] + GRID[0] * GRID[1] * (EDGES + 3)
 """Columns of a still: grey thumb, edges by direction and place, colour by place."""
+CHANGES: Final = ("grey since the first frame",)
+"""Of stills: how the grey thumbs of the middle and the last frame differ from the first's, with
+sign."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,19 +165,24 @@ def rows_alone(shown: Mapping[str, NDArray[np.float32]]) -> list[dict[str, NDArr
 
 
 def numbers_of(view: str, names: Sequence[str], cameras: int) -> NDArray[np.intp]:
-    """Return which numbers of a view of courses sum up some of its columns.
+    """Return which numbers of a view sum up some of its columns.
 
     Args:
-        view: "pixels" or "slip".
-        names: In `PIXELS` or `SLIP`.
+        view: "pixels" or "slip", or "stills", of which only `CHANGES` are parted.
+        names: In `PIXELS` or `SLIP`, or `CHANGES`.
         cameras: How many there are.
 
     Returns:
         Indices into a crop's row, shape (numbers,).
     """
+    blocks = np.arange(2 if cameras > 1 else 1)
+    if view == "stills":
+        starts = (blocks[:, None] * 3 + np.array([1, 2])).ravel() * STILLS
+        grey = np.arange(THUMB[0] * THUMB[1])
+        return np.asarray((starts[:, None] + grey).ravel(), np.intp)
     columns = {"pixels": PIXELS, "slip": SLIP}[view]
     chosen = [columns.index(name) for name in names]
-    blocks = np.arange(STATISTICS * (2 if cameras > 1 else 1))
+    blocks = np.arange(STATISTICS * len(blocks))
     return np.asarray((blocks[:, None] * len(columns) + np.array(chosen)).ravel(), np.intp)
 
 

@@ -135,7 +135,7 @@ def test_at_a_trial_s_end_live_takes_crops_from_where_evaluate_does(
     table = write_trials(tmp_path / "a", objects=2, each=4, frames=34, shorter=10, write=as_avi)
     lines = table.read_text().splitlines()
     table.write_text("\n".join([lines[0] + ",rate", *(line + ",60" for line in lines[1:])]) + "\n")
-    options = TrialOptions(fold_count=2, crop=8, moving_part=True, cache=tmp_path / "cache")
+    options = TrialOptions(fold_count=2, crop=8, part="moving", cache=tmp_path / "cache")
     TrainTrials(trials=table, output=tmp_path / "run", options=options, check=False).run()
     bundle = tmp_path / "run" / IN_RUN
     contract = read_trial_contract(bundle)

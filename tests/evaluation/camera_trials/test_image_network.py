@@ -37,8 +37,9 @@ from taxel.models.backbones.efficientnet_lite import EfficientNetLite
 from taxel.models.onnx_session import open_session
 from taxel.models.stage_looks import NETWORK, StageLooks, export_stage_looks
 from taxel.models.weights import find_weights
-from taxel.training.camera_trials.blend import MEMBERS, fit_blend
+from taxel.training.camera_trials.blend import fit_blend
 from taxel.training.camera_trials.image_network import find_image_network
+from taxel.training.camera_trials.members import MEMBERS
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_crops import FAMILIES
 from taxel.windows.trial_layout import Layout
@@ -158,7 +159,8 @@ def test_a_bundle_leaves_the_network_out_where_no_member_looks_through_it() -> N
     trials = _with_network(some_trials())
     assert trials.network is not None
     learning = trials.learning(trials.rows, "object")
-    seen = fit_blend(learning, 2, trials.widths, 0, MEMBERS[8:9])
+    through = [member for member in MEMBERS if "network" in member.views]
+    seen = fit_blend(learning, 2, trials.widths, 0, through)
     assert kept_views(trials, seen) == (("pixels", "stills", "picture", "network"), trials.network)
     unseen = fit_blend(learning, 2, trials.widths, 0, MEMBERS[1:2])
     assert kept_views(trials, unseen) == (("pixels", "stills", "picture"), None)

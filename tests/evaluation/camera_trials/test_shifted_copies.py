@@ -13,8 +13,9 @@ from trial_makers import few_small_members, write_trials
 from taxel.evaluation.camera_trials.other_sessions import others_to_come
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import LabelledTrials, Sight, load_trial_set
-from taxel.training.camera_trials.blend import MEMBERS, TrialBlend, TrialMember, fit_blend
+from taxel.training.camera_trials.blend import TrialBlend, fit_blend
 from taxel.training.camera_trials.learning import Extras, Learning, Moved
+from taxel.training.camera_trials.members import MEMBERS, TrialMember
 from taxel.training.camera_trials.rank_sums import Steady
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_crops import MOVEMENT, Scene, look_at

@@ -36,7 +36,7 @@ from taxel.evaluation.camera_trials.simulated_trials import (
 )
 from taxel.models.backbones.touch import FEATURES
 from taxel.sim.pour.cup_pour import simulate_pour
-from taxel.training.camera_trials.blend import DIFFERENCES
+from taxel.training.camera_trials.members import DIFFERENCES
 from taxel.windows.camera_trials import CameraTrial
 from taxel.windows.trial_crops import Scene, look_at, numbers_of, row_of
 

@@ -17,7 +17,8 @@ from taxel.evaluation.camera_trials.final import fit_final
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import Sight, load_trial_set
 from taxel.live.trial_watch import predict_trials
-from taxel.training.camera_trials.blend import MEMBERS, extra, fit_blend
+from taxel.training.camera_trials.blend import fit_blend
+from taxel.training.camera_trials.members import MEMBERS, extra
 from taxel.training.camera_trials.novelty import Novelty, novelty_columns
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_crops import USUAL
@@ -97,12 +98,17 @@ def test_a_bundle_says_of_images_what_the_trained_blend_says(
     np.testing.assert_allclose(found, wanted, atol=1e-4)
 
 
-def test_members_are_of_five_kinds_and_what_sees_one_view_alone_is_none_of_the_others() -> None:
+def test_members_are_of_six_kinds_and_what_sees_one_view_alone_is_none_of_the_others() -> None:
     kinds = [member.kind for member in MEMBERS]
     assert kinds.count("movement") == 3
+    (changes,) = [member for member in MEMBERS if member.name == "extra-trees on changes"]
+    assert changes.kind == "changes"
+    assert kinds.count("changes") == 1
+    (stills,) = [member for member in MEMBERS if member.name == "extra-trees on stills"]
+    assert stills.kind == "look"
     assert kinds.count("picture") == 2
     assert kinds.count("network") == kinds.count("touch") == 1
-    assert set(kinds) == {"movement", "look", "picture", "network", "touch"}
+    assert set(kinds) == {"movement", "changes", "look", "picture", "network", "touch"}
 
 
 def test_extra_trees_find_two_columns_that_matter_among_a_thousand() -> None:

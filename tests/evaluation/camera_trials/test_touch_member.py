@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxel.training.camera_trials.blend import MEMBERS, TrialBlend, fit_blend
+from taxel.training.camera_trials.blend import TrialBlend, fit_blend
 from taxel.training.camera_trials.learning import Extras, Learning
+from taxel.training.camera_trials.members import MEMBERS
 
 WIDTHS = {"picture": 2, "touch": 2}
 

@@ -22,7 +22,7 @@ from taxel.evaluation.camera_trials.contenders import OURS
 from taxel.evaluation.camera_trials.crossval import judge_trials
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import Sight, load_trial_set
-from taxel.training.camera_trials.blend import MEMBERS, fit_blend
+from taxel.training.camera_trials.blend import fit_blend
 from taxel.training.camera_trials.inner_folds import (
     classes_are_groups,
     held_out_parts,
@@ -30,6 +30,7 @@ from taxel.training.camera_trials.inner_folds import (
 )
 from taxel.training.camera_trials.learning import Crops, Extras, Learning
 from taxel.training.camera_trials.member_weights import weigh, weigh_places
+from taxel.training.camera_trials.members import MEMBERS
 from taxel.training.camera_trials.novelty import Novelty, novelty_threshold
 from taxel.training.camera_trials.onnx_graph import blend_to_onnx
 from taxel.training.camera_trials.rank_sums import Steady

@@ -51,7 +51,7 @@ class EvaluateTrials:
                 "test",
                 "fold-count",
                 "crop",
-                "moving-part",
+                "part",
                 "touch",
                 "network",
                 "cache",
@@ -89,18 +89,19 @@ class EvaluateTrials:
 
         with progress() as bar:
             work = LongWork(bar)
-            trials, split, _ = self.options.load(self.trials, work)
+            cut, split, _ = self.options.load(self.trials, work)
+            trials = cut.usual
             results = judge_trials(
                 trials, split, self.options.seed, contenders_for(trials),
-                partial(work.step, "training"),
+                partial(work.step, "training"), cut.sides,
             )  # fmt: skip
             differences = [
                 difference(trials, split, results[0], other) for other in rivals(results)
             ]
         if self.json:
-            print_json(trial_json(trials, split, results, differences))
+            print_json(trial_json(trials, split, results, differences, cut))
             return
-        console.print(trial_tables(trials, split, results, differences))
+        console.print(trial_tables(trials, split, results, differences, cut))
         for warning in control_warnings(results):
             say(f"warning: {warning}", style="yellow")
 

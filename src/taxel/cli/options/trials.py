@@ -6,8 +6,9 @@ Knows nothing about models.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from taxel.cli.long_work import LongWork
 from taxel.cli.options.rules import Only
@@ -16,8 +17,9 @@ from taxel.errors import BadInput
 from taxel.plain_text import number_of
 
 if TYPE_CHECKING:
+    from taxel.evaluation.camera_trials.cut_choice import CutTrials
     from taxel.evaluation.camera_trials.sides import TrialSplit
-    from taxel.evaluation.camera_trials.trial_set import LabelledTrials, TrialSet
+    from taxel.evaluation.camera_trials.trial_set import LabelledTrials
     from taxel.training.camera_trials.image_network import ImageNetwork
     from taxel.windows.camera_trials import CameraTrial
 
@@ -40,10 +42,10 @@ class TrialOptions:
     """Further trials, used only for testing: a table, or a folder of recordings."""
     crop: int | None = None
     """Images in a crop; as many as the shortest trial has, at most 48, unless given."""
-    moving_part: bool = False
-    """Take a trial's crops from the part in which something moves, at about 25 images a second, so
-    that rest before and after the touch is left out. Leave this off where the end of a trial, such
-    as an empty hand, shows the answer."""
+    part: Literal["whole", "moving"] | None = None
+    """Take a trial's crops from the whole of it, or, at about 25 images a second, from the part in
+    which something moves, so that rest before and after the touch is left out. Inner folds choose
+    unless given."""
     touch: bool = False
     """Use features of the touch encoder too; all of its extra work takes about 2 ms for each
     image."""
@@ -56,33 +58,51 @@ class TrialOptions:
     seed: int = 0
     """Seed of folds and models."""
 
-    def load(self, data: Path, work: LongWork) -> tuple[TrialSet, TrialSplit, list[CameraTrial]]:
+    def load(
+        self, data: Path, work: LongWork, *, folds: bool = True, final: bool = False
+    ) -> tuple[CutTrials, TrialSplit, list[CameraTrial]]:
         """Read, cut and look at the trials; return them, how they are parted, and their images.
+
+        Args:
+            data: A table or a folder of recordings.
+            work: What shows progress.
+            folds: Whether models are tested: a training side for each fold.
+            final: Whether a recogniser is kept: one more side, the last.
 
         Raises:
             BadInput: The options or trials do not allow it.
         """
+        from taxel.evaluation.camera_trials.cut_choice import (
+            choose_cuts,
+            completed,
+            load_ways,
+            training_sides,
+        )
         from taxel.evaluation.camera_trials.other_sessions import others_to_come
-        from taxel.evaluation.camera_trials.trial_set import Sight, load_trial_set
+        from taxel.evaluation.camera_trials.trial_set import Sight, with_extras
         from taxel.training.frames.features import default_cache
         from taxel.windows.trial_crops import USUAL
 
         labelled, split, found = self.read_and_part(data, work)
-        trials = load_trial_set(
-            found,
-            labelled.target,
-            self.cache or default_cache(),
-            crop=self.crop,
-            sight=Sight(
-                views=(*USUAL, *(("touch",) if self.touch else ())),
-                network=self._network(),
-                extras=True,
-                moving=self.moving_part,
-                asked=others_to_come(labelled, split, self.seed),
-            ),
-            on_trial=work.at,
+        cache = self.cache or default_cache()
+        sight = Sight(
+            views=(*USUAL, *(("touch",) if self.touch else ())),
+            network=self._network(),
+            extras=True,
+            asked=others_to_come(labelled, split, self.seed),
         )
-        return trials, split, found
+        moving = None if self.part is None else self.part == "moving"
+        ways = load_ways(
+            found, labelled.target, cache,
+            crop=self.crop, sight=sight, moving=moving, on_trial=work.at,
+        )  # fmt: skip
+        sides = training_sides(labelled, split, folds=folds, final=final)
+        cut = choose_cuts(ways, split, sides, self.seed, partial(work.step, "choosing"))
+        return (
+            completed(cut, lambda own: with_extras(own, found, cache, sight, work.at)),
+            split,
+            found,
+        )
 
     def read_and_part(
         self, data: Path, work: LongWork

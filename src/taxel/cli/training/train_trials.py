@@ -20,8 +20,8 @@ from taxel.plain_text import number_of, visible, visible_names
 
 if TYPE_CHECKING:
     from taxel.evaluation.camera_trials.crossval import Difference, TrialResult
+    from taxel.evaluation.camera_trials.cut_choice import CutTrials
     from taxel.evaluation.camera_trials.sides import TrialSplit
-    from taxel.evaluation.camera_trials.trial_set import TrialSet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,40 +66,46 @@ class TrainTrials:
         differences: list[Difference] = []
         with progress() as bar:
             work = LongWork(bar)
-            trials, split, found = self.options.load(self.trials, work)
+            cut, split, found = self.options.load(self.trials, work, folds=self.check, final=True)
+            trials, kept = cut.usual, cut.sides[-1]
             on_step = partial(work.step, "training")
             if self.check:
                 seed = self.options.seed
-                results = judge_trials(trials, split, seed, contenders_for(trials), on_step)
+                results = judge_trials(
+                    trials, split, seed, contenders_for(trials), on_step, cut.sides[:-1]
+                )
                 differences = [
                     difference(trials, split, results[0], other) for other in rivals(results)
                 ]
             measured = _measured(split, results)
-            final = fit_final(trials, found, split, self.options.seed, measured, on_step)
-        result = trial_json(trials, split, results, differences) if results else {}
+            final = fit_final(kept, found, split, self.options.seed, measured, on_step)
+        result = trial_json(trials, split, results, differences, cut) if results else {}
         about = save_trial_run(output, final, result)
         if self.json:
             print_json(about)
             return
-        self._say(output, about, trials, split, results, differences)
+        self._say(output, about, cut, split, results, differences)
 
     def _say(
         self,
         output: Path,
         about: dict[str, Any],
-        trials: TrialSet,
+        cut: CutTrials,
         split: TrialSplit,
         results: list[TrialResult],
         differences: list[Difference],
     ) -> None:
         from taxel.recordings.imports.spelling import by_numbers
-        from taxel.views.tables.trial_notes import control_warnings, trial_notes
+        from taxel.views.tables.trial_notes import control_warnings, cut_line, trial_notes
         from taxel.views.tables.trials import trial_tables
 
+        trials, kept = cut.usual, cut.sides[-1]
         if results:
-            console.print(trial_tables(trials, split, results, differences))
+            console.print(trial_tables(trials, split, results, differences, cut))
         for note in () if results else trial_notes(trials):
             say(f"note: {note}")
+        if not results and (line := cut_line(cut)):
+            say(line)
         for warning in control_warnings(results):
             say(f"warning: {warning}", style="yellow")
         members = ", ".join(f"{name} {share:.2f}" for name, share in about["members"].items())
@@ -111,7 +117,7 @@ class TrainTrials:
         classes = visible_names(ordered)
         say(
             f"{output}{replaced}: predicts {visible(trials.target)} ({classes}) from crops of "
-            f"{trials.layout.words}, trained on "
+            f"{kept.layout.words}{' of the part that moves' * kept.layout.moving}, trained on "
             f"{number_of(about['learned_trials'], 'trial')}; bundle {about['bytes']:,} bytes, "
             f"equal to training within {about['parity']:.1e}"
         )

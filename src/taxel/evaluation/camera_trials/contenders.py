@@ -18,14 +18,9 @@ from numpy.typing import NDArray
 from sklearn.neighbors import KNeighborsClassifier
 
 from taxel.evaluation.camera_trials.trial_set import Rows, TrialSet, thumbs_of
-from taxel.training.camera_trials.blend import (
-    TrialBlend,
-    fit_blend,
-    forest,
-    mean_of_crops,
-    proba_of,
-)
+from taxel.training.camera_trials.blend import TrialBlend, fit_blend, mean_of_crops, proba_of
 from taxel.training.camera_trials.learning import Extras, Learning
+from taxel.training.camera_trials.members import forest
 from taxel.windows.trial_crops import BAR as BAR_COLUMNS
 from taxel.windows.trial_crops import THUMB, numbers_of
 from taxel.windows.trial_picture import means_by_cell

@@ -79,6 +79,7 @@ def judge_trials(
     seed: int,
     contenders: Sequence[Contender],
     on_step: Callable[[str], None] = lambda line: None,
+    cuts: Sequence[TrialSet] = (),
 ) -> list[TrialResult]:
     """Judge contenders on each side's test trials.
 
@@ -88,31 +89,35 @@ def judge_trials(
         seed: Of the models and inner folds.
         contenders: What to judge.
         on_step: Called with a line before each fit.
+        cuts: The trials as each fold cuts them, with as many crops of each; as they are for all
+            unless given.
     """
-    return [_judge(trials, split, seed, contender, on_step) for contender in contenders]
+    each = cuts or (trials,) * len(split.folds)
+    return [_judge(each, split, seed, contender, on_step) for contender in contenders]
 
 
 def _judge(
-    trials: TrialSet,
+    cuts: Sequence[TrialSet],
     split: TrialSplit,
     seed: int,
     contender: Contender,
     on_step: Callable[[str], None],
 ) -> TrialResult:
+    trials = cuts[0]
     order = order_of(split, trials.groups, trials.y)
-    learning = trials.learning(contender.rows(trials), split.group, contender.extras(trials), order)
-    crops = np.full((len(trials.cut.trial), learning.classes), np.nan)
-    probabilities = np.full((len(trials.y), learning.classes), np.nan)
-    for fold in split.folds:
+    crops = np.full((len(trials.cut.trial), len(trials.classes)), np.nan)
+    probabilities = np.full((len(trials.y), len(trials.classes)), np.nan)
+    for fold, own in zip(split.folds, cuts, strict=True):
         label = f"{contender.name}, {fold.name}"
         on_step(label)
-        model = contender.model(trials, seed, lambda line, label=label: on_step(f"{label}, {line}"))  # type: ignore[misc]
+        learning = own.learning(contender.rows(own), split.group, contender.extras(own), order)
+        model = contender.model(own, seed, lambda line, label=label: on_step(f"{label}, {line}"))  # type: ignore[misc]
         model.fit(learning.part(fold.train_rows))
         test = learning.part(fold.test_rows)
         crops[np.isin(trials.cut.trial, fold.test_rows)] = model.crops(test.rows)
         probabilities[fold.test_rows] = model.trials(test.rows, test.trial)
     tested = np.flatnonzero(np.isfinite(probabilities[:, 0]))
-    groups, places = learning.groups, []
+    groups, places = trials.values_of(split.group), []
     if trials.layout.places > 1:
         for place in range(trials.layout.places):
             own = crops[trials.cut.place == place][tested]
@@ -183,7 +188,7 @@ def difference(
 ) -> Difference:
     """Return how much better ours is, on the trials that both were tested on."""
     both = np.isfinite(ours.probabilities[:, 0]) & np.isfinite(other.probabilities[:, 0])
-    y, groups = trials.y[both], trials.learning(trials.rows, split.group).groups[both]
+    y, groups = trials.y[both], trials.values_of(split.group)[both]
     mine, others = ours.probabilities[both], other.probabilities[both]
     drawn = draw_rows(groups, seed)
 
@@ -201,7 +206,7 @@ def by_group(
     trials: TrialSet, split: TrialSplit, result: TrialResult
 ) -> dict[str, tuple[int, int]]:
     """Return each group's right and tested trials, fewest right first."""
-    groups = trials.learning(trials.rows, split.group).groups
+    groups = trials.values_of(split.group)
     tested = np.isfinite(result.probabilities[:, 0])
     right = tested & (result.probabilities.argmax(axis=1) == trials.y)
     counts = {

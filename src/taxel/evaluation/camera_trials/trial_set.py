@@ -6,7 +6,7 @@ Knows nothing about splits, models or screens.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
@@ -208,7 +208,7 @@ def load_trial_set(
         )  # fmt: skip
     views, network = sight.all_views, sight.network
     cut = trial_rows(trials, Cuts(layout, network=network), views, cache, partial(on_trial, JUDGED))
-    return TrialSet(
+    found = TrialSet(
         target=labelled.target,
         classes=labelled.classes,
         y=labelled.y,
@@ -219,9 +219,9 @@ def load_trial_set(
         layout=layout,
         cut=cut,
         first=_first_looks(trials, layout, cut),
-        extras=_extras(trials, layout, cut, sight, cache, on_trial),
         network=sight.network,
     )
+    return with_extras(found, trials, cache, sight, on_trial)
 
 
 def _first_looks(trials: Sequence[CameraTrial], layout: Layout, cut: TrialRows) -> Rows:
@@ -241,16 +241,23 @@ def thumbs_of(cut: TrialRows) -> Rows:
     return np.ascontiguousarray(first.reshape(len(first), -1))
 
 
-def _extras(
+def with_extras(
+    found: TrialSet,
     trials: Sequence[CameraTrial],
-    layout: Layout,
-    cut: TrialRows,
-    sight: Sight,
     cache: Path,
-    on_trial: Callable[[str, int, int], None],
-) -> Extras:
-    """Return what helps to learn: further crops and shifted copies, and copies to compare on."""
-    views, network = sight.all_views, sight.network
+    sight: Sight,
+    on_trial: Callable[[str, int, int], None] = lambda name, done, of: None,
+) -> TrialSet:
+    """Return trials with what helps to learn: further crops, shifted copies, copies to compare on.
+
+    Args:
+        found: The trials, cut and looked at.
+        trials: The same, as they were read.
+        cache: Folder for what is computed.
+        sight: Which of these are made.
+        on_trial: Called with the pass over the trials, trials done and in all.
+    """
+    views, network, layout, cut = sight.all_views, sight.network, found.layout, found.cut
     further = moved = asked = None
     moving = tuple(takewhile(MOVEMENT.__contains__, views))
     if sight.extras and moving:
@@ -269,7 +276,7 @@ def _extras(
     if sight.asked and seen:
         own = trial_rows(trials, Cuts(layout, copies=1, network=network), seen, cache, on_copy)
         asked = moved_crops(cut, own)
-    return Extras(further, moved, asked)
+    return replace(found, extras=Extras(further, moved, asked))
 
 
 def _only_label(trials: Sequence[CameraTrial]) -> str:

@@ -9,14 +9,12 @@ Source: docs/decisions/0041.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
 
 from taxel.training.camera_trials.inner_folds import HeldOut, Parts, held_out_parts
 from taxel.training.camera_trials.learning import Crops, Learning, Rows
@@ -28,137 +26,25 @@ from taxel.training.camera_trials.member_weights import (
     weigh,
     weigh_places,
 )
+from taxel.training.camera_trials.members import MEMBERS, TREES, TrialMember
 from taxel.training.camera_trials.novelty import (
     Novelty,
     held_out_novelty,
     novelty_columns,
     novelty_threshold,
 )
-from taxel.training.camera_trials.rank_sums import Logistic, Steady
-from taxel.windows.trial_crops import numbers_of
 from taxel.windows.trial_mirrors import Mirror, mirrors
 
-TREES: Final = 400
 INNER_TREES: Final = 150
-"""Of a forest that is kept, and of one on an inner fold. Source: our choice, decision 41."""
-SHARE_SEEN: Final = 0.3
-MOST_SEEN: Final = 400
-"""Share of the columns, and most of them, among which extremely randomised trees look for a split:
-a few of a thousand are mostly those that say nothing. Source: our choice, decision 41."""
+CHOICE_TREES: Final = 50
+"""Of a forest on an inner fold, and of one there that only helps to choose how trials are cut.
+Source: our choice, decision 41."""
 MOST_NUMBERS: Final = 18_000_000
 """Of all forests that are kept, four a node and one a class: beyond it they have fewer trees, so
 that a bundle with an image network of 7 MB stays within some 20 MB. Source: 16 bytes a node of 22
 classes, packed; decision 41."""
 LEAST_WEIGHT: Final = 0.04
 """A member below it is left out. Source: our choice."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrialMember:
-    """One model of the blend, and the views and columns it is given."""
-
-    name: str
-    views: Mapping[str, tuple[str, ...]]
-    """View → its columns; all of them where none is named."""
-    make: Callable[[int, int, int], Any]
-    """Seed, number of trees and number of columns → a scikit-learn classifier."""
-    prior: float = 1.0
-    """How much of its kind's weight it has before any trial is seen, above 0."""
-    mirrored: bool = False
-    """Whether it learns from mirror images of the crops too; it is never asked about them."""
-    further: bool = False
-    """Whether it learns from further crops too, of which movement alone is kept: those between the
-    places, and each camera alone."""
-
-    shifted: bool = False
-    """Whether it may learn from shifted copies of the crops too; inner folds decide."""
-
-    @property
-    def words(self) -> str:
-        """Its name, and whether it learned from shifted copies."""
-        return f"{self.name}{' with shifted copies' * self.shifted}"
-
-    @property
-    def kind(self) -> str:
-        """What it sees: movement only, one of the plain picture, the network and the touch encoder
-        only, or look, all else.
-        """
-        if set(self.views) <= {"pixels", "slip"}:
-            return "movement"
-        (first, *others) = self.views
-        return first if first in ("picture", "network", "touch") and not others else "look"
-
-    def columns(self, cameras: int, widths: Mapping[str, int]) -> NDArray[np.intp]:
-        """Return which columns of all views, side by side in their order, it sees."""
-        starts = dict(zip(widths, np.cumsum([0, *widths.values()])[:-1], strict=True))
-        each = [
-            starts[view] + (numbers_of(view, names, cameras) if names else np.arange(widths[view]))
-            for view, names in self.views.items()
-        ]
-        return np.asarray(np.concatenate(each), np.intp)
-
-
-def forest(seed: int, trees: int | None = None) -> RandomForestClassifier:
-    """Return a random forest, the bar's kind, of `TREES` trees unless given."""
-    return RandomForestClassifier(trees or TREES, min_samples_leaf=2, random_state=seed, n_jobs=1)
-
-
-def extra(seed: int, trees: int, width: int) -> ExtraTreesClassifier:
-    """Return extremely randomised trees that look at enough of `width` columns for each split."""
-    seen = max(math.isqrt(width), round(min(SHARE_SEEN * width, MOST_SEEN)))
-    return ExtraTreesClassifier(
-        trees, max_features=max(1, seen), min_samples_leaf=2, random_state=seed, n_jobs=1
-    )
-
-
-DIFFERENCES: Final = ("step", "since", "lagged")
-SLIP_PARTS: Final = (
-    "slip_mm", "slip_rate_mm_s", "gel", "slip_over_gel", "slip_rate_8", "gel_rate_8",
-    "slip_rate_4", "gel_rate_4", "slip_turn", "readiness_8",
-)  # fmt: skip
-"""What members see of the slip signal. Source: our choice, before any score, decision 41."""
-EVERYTHING: Final[Mapping[str, tuple[str, ...]]] = {"pixels": (), "slip": (), "stills": ()}
-MEMBERS: Final[tuple[TrialMember, ...]] = (
-    TrialMember(
-        name="forest on differences", views={"pixels": DIFFERENCES},
-        make=lambda seed, trees, width: forest(seed, trees), prior=1.5, further=True,
-    ),
-    TrialMember(
-        name="logistic on differences", views={"pixels": DIFFERENCES},
-        make=lambda seed, trees, width: Logistic(0.1), further=True,
-    ),
-    TrialMember(
-        name="discriminant on differences and slip",
-        views={"pixels": DIFFERENCES, "slip": SLIP_PARTS},
-        make=lambda seed, trees, width: Steady(0.5), further=True,
-    ),
-    TrialMember(
-        name="extra-trees on everything", views=EVERYTHING, make=extra, mirrored=True,
-        shifted=True,
-    ),
-    TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra, shifted=True),
-    TrialMember(
-        name="discriminant on everything", views=EVERYTHING,
-        make=lambda seed, trees, width: Steady(0.5), mirrored=True, shifted=True,
-    ),
-    TrialMember(
-        name="extra-trees on the picture", views={"picture": ()}, make=extra, shifted=True
-    ),
-    TrialMember(
-        name="discriminant on the picture", views={"picture": ()},
-        make=lambda seed, trees, width: Steady(0.5), shifted=True,
-    ),
-    TrialMember(
-        name="discriminant on the image network", views={"network": ()},
-        make=lambda seed, trees, width: Steady(0.5),
-    ),
-    TrialMember(
-        name="logistic on the touch encoder", views={"touch": ()},
-        make=lambda seed, trees, width: Logistic(0.001),
-    ),
-)  # fmt: skip
-"""What is blended. The forest, as the bar is, counts more: on objects apart it is often best.
-Source: docs/decisions/0041, also for each C and the share of shrinking."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,6 +81,20 @@ class TrialBlend:
         return sharpened(np.einsum("tpc,p->tc", each, self.places), self.sharpness)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Weighed:
+    """What inner folds say of members that may be blended."""
+
+    members: tuple[TrialMember, ...]
+    columns: tuple[NDArray[np.intp], ...]
+    weights: NDArray[np.float64]
+    places: NDArray[np.float64]
+    sharpness: float
+    inner: Mapping[str, float]
+    losses: NDArray[np.float64]
+    """Shape (trials,): the blend's log-loss on each trial held out, nats; NaN for the others."""
+
+
 def fit_blend(
     learning: Learning,
     cameras: int,
@@ -213,29 +113,101 @@ def fit_blend(
         members: What to blend; those whose views are not there are left out.
         on_step: Called with a line before each fit.
     """
-    seen = [member for member in members if set(member.views) <= set(widths)]
-    members = [way for member in seen for way in _ways(member, learning)]
-    columns = [member.columns(cameras, widths) for member in members]
-    images = mirrors(widths, cameras)
-    novel = novelty_columns(widths)
+    images, novel = mirrors(widths, cameras), novelty_columns(widths)
     held = held_out_parts(learning.y, learning.groups, learning.order, seed)
-    held_out, trial = _held_out(learning, members, columns, images, seed, held, on_step)
+    found = _weighed(learning, (cameras, widths), seed, members, held, on_step)
     novelty = _novelty_held_out(learning, held.parts, novel)
+    kept = np.flatnonzero(found.weights)
+    on_step("all trials")
+    fitted = tuple(
+        _fit(found.members[i], learning, found.columns[i], images, seed, TREES) for i in kept
+    )
+    _thin_out(fitted, learning.classes)
+    return TrialBlend(
+        members=tuple(found.members[i] for i in kept),
+        fitted=fitted,
+        columns=tuple(found.columns[i] for i in kept),
+        weights=found.weights[kept],
+        places=found.places,
+        sharpness=found.sharpness,
+        classes=learning.classes,
+        inner=found.inner,
+        novelty=Novelty.of(learning.rows, novel),
+        threshold=novelty_threshold(novelty[np.isfinite(novelty)]),
+    )
+
+
+def inner_losses(
+    learning: Learning,
+    cameras: int,
+    widths: Mapping[str, int],
+    seed: int,
+    on_step: Callable[[str], None] = lambda line: None,
+) -> NDArray[np.float64]:
+    """Return what a blend of smaller forests would lose on trials of inner folds.
+
+    Args:
+        learning: As in `fit_blend`.
+        cameras: Likewise.
+        widths: Likewise.
+        seed: Likewise.
+        on_step: Called with a line before each fit.
+
+    Returns:
+        Shape (trials,): log-losses, nats; NaN for trials that no inner fold holds out.
+    """
+    held = held_out_parts(learning.y, learning.groups, learning.order, seed)
+    members = tuple(_quick(member) for member in MEMBERS)
+    return _weighed(learning, (cameras, widths), seed, members, held, on_step).losses
+
+
+def _quick(member: TrialMember) -> TrialMember:
+    """Return a member with `CHOICE_TREES` trees at most."""
+    return replace(
+        member,
+        make=lambda seed, trees, width: member.make(seed, min(trees, CHOICE_TREES), width),
+    )
+
+
+def _weighed(
+    learning: Learning,
+    seen: tuple[int, Mapping[str, int]],
+    seed: int,
+    members: Sequence[TrialMember],
+    held: HeldOut,
+    on_step: Callable[[str], None],
+) -> _Weighed:
+    """Return members and crops as inner folds weigh them.
+
+    Args:
+        learning: What to learn from.
+        seen: Number of cameras; view → numbers a crop.
+        seed: Of members.
+        members: What may be blended.
+        held: The inner folds.
+        on_step: Called with a line before each fit.
+    """
+    cameras, widths = seen
+    ways = [way for own in members if set(own.views) <= set(widths)
+            for way in _ways(own, learning)]  # fmt: skip
+    columns = [way.columns(cameras, widths) for way in ways]
+    images = mirrors(widths, cameras)
+    held_out, trial = _held_out(learning, ways, columns, images, seed, held, on_step)
     y = learning.y[trial]
     mean = held_out.mean(axis=1)
-    losses = [log_loss(mean[:, i], y) if len(y) else 0.0 for i in range(len(members))]
-    better = _better(members, losses)
-    held_out, losses = held_out[:, :, better], [losses[i] for i in better]
-    members, columns = [members[i] for i in better], [columns[i] for i in better]
-    prior = np.array([member.prior for member in members])
+    loss = [log_loss(mean[:, i], y) if len(y) else 0.0 for i in range(len(ways))]
+    better = _better(ways, loss)
+    ways, columns = [ways[i] for i in better], [columns[i] for i in better]
+    prior = np.array([way.prior for way in ways])
     weights = prior / prior.sum()
-    each_place, held_out = held_out, held_out.mean(axis=1)
-    places = np.full(each_place.shape[1], 1 / each_place.shape[1])
-    sharpness, inner = 1.0, {}
+    places = np.full(held_out.shape[1], 1 / held_out.shape[1])
+    sharpness, inner, losses = 1.0, {}, np.full(len(learning.y), np.nan)
     if len(y):
-        kinds = np.array([member.kind for member in members])
+        each_place = held_out[:, :, better]
+        kinds = np.array([way.kind for way in ways])
         groups = len(set(learning.groups[trial].tolist()))
-        weights = weigh(held_out, y, trusted(held_out, y, groups, prior, kinds))
+        mean = each_place.mean(axis=1)
+        weights = weigh(mean, y, trusted(mean, y, groups, prior, kinds))
         weights[weights < min(LEAST_WEIGHT, weights.max())] = 0.0
         weights /= weights.sum()
         by_places = np.asarray(np.einsum("tpmc,m->tpc", each_place, weights), np.float64)
@@ -244,24 +216,23 @@ def fit_blend(
         mixed = np.asarray(np.einsum("tpc,p->tc", by_places, places), np.float64)
         if held.as_to_come:
             sharpness = sharpen(mixed, y)
-        inner = {member.name: loss for member, loss in zip(members, losses, strict=True)}
+        inner = {way.name: loss[i] for way, i in zip(ways, better, strict=True)}
         inner["blend"] = log_loss(sharpened(mixed, sharpness), y)
-    kept = np.flatnonzero(weights)
-    on_step("all trials")
-    fitted = tuple(_fit(members[i], learning, columns[i], images, seed, TREES) for i in kept)
-    _thin_out(fitted, learning.classes)
-    return TrialBlend(
-        members=tuple(members[i] for i in kept),
-        fitted=fitted,
-        columns=tuple(columns[i] for i in kept),
-        weights=weights[kept],
-        places=places,
-        sharpness=sharpness,
-        classes=learning.classes,
-        inner=inner,
-        novelty=Novelty.of(learning.rows, novel),
-        threshold=novelty_threshold(novelty[np.isfinite(novelty)]),
-    )
+        losses = _by_trial(sharpened(mixed, sharpness), y, trial, len(learning.y))
+    return _Weighed(
+        members=tuple(ways), columns=tuple(columns), weights=weights, places=places,
+        sharpness=sharpness, inner=inner, losses=losses,
+    )  # fmt: skip
+
+
+def _by_trial(
+    held: NDArray[np.float64], y: NDArray[np.intp], trial: NDArray[np.intp], trials: int
+) -> NDArray[np.float64]:
+    """Return each trial's mean log-loss, shape (trials,), NaN where it was never held out."""
+    each = [log_loss(own[None], of[None]) for own, of in zip(held, y, strict=True)]
+    asked = np.bincount(trial, minlength=trials)
+    sums = np.bincount(trial, weights=each, minlength=trials)
+    return np.where(asked, sums / np.maximum(asked, 1), np.nan)
 
 
 def _ways(member: TrialMember, learning: Learning) -> tuple[TrialMember, ...]:

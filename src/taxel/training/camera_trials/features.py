@@ -80,12 +80,11 @@ class Cuts:
         """How many crops each trial gives, copies counted."""
         return len(self.starts(range(self.layout.span))) * max(1, self.copies)
 
-    @property
-    def key(self) -> str:
-        """Name for the cache."""
+    def key(self, whole: bool) -> str:
+        """Return a name for the cache; `whole`: whether crops are taken from all of a trial."""
         between = f"-between-{self.between}" if self.between else ""
         shifted = f"-{VERSION}-{self.copies}" if self.copies else ""
-        moving = f"-of-{CHANGES}" if self.layout.moving else ""
+        moving = "" if whole else f"-of-{CHANGES}"
         moving += f"-by-{self.layout.step}" if self.layout.step > 1 else ""
         return f"{self.layout.crop}x{self.layout.places}{moving}{between}{shifted}"
 
@@ -175,24 +174,24 @@ def _shown(
     trial: CameraTrial, cuts: Cuts, families: Sequence[str], cache: Path
 ) -> dict[str, NDArray[np.float32]]:
     """Return what one trial's crops show, family → shape (places, rows, cameras, columns)."""
-    files = {name: _file(trial, cuts, name, cache) for name in families}
+    part = _part(trial, cuts.layout, cache)
+    folder = cuts.key(len(part) == trial.frames)
+    files = {name: _file(trial, cuts, name, cache / "trials", folder) for name in families}
     found = {name: _kept(files[name], trial, cuts, name) for name in families}
     lacking = [name for name in families if found[name] is None]
     if lacking:
-        part = part_of(cuts.layout, trial.frames, lambda: _changes(trial, cuts.layout.step, cache))
         for name, values in _compute(trial, cuts, part, lacking).items():
             save_kept(files[name], values.reshape(-1, values.shape[-1]))
             found[name] = values
     return {name: values for name, values in found.items() if values is not None}
 
 
-def _file(trial: CameraTrial, cuts: Cuts, name: str, cache: Path) -> Path:
+def _file(trial: CameraTrial, cuts: Cuts, name: str, cache: Path, crops: str) -> Path:
     camera = f"{trial.rate_hz:.4g}-{mm_per_row_px(trial.width, trial.mm_per_px):.4g}"
     family = FAMILIES[name].key
     if name == "network" and cuts.network is not None:
         family = f"{family}-{cuts.network.key}"
-    folder = f"{family}-{cuts.key}-{camera}"
-    return cache / "trials" / folder / f"{trial.digest[:32]}.npy"
+    return cache / f"{family}-{crops}-{camera}" / f"{trial.digest[:32]}.npy"
 
 
 def _kept(file: Path, trial: CameraTrial, cuts: Cuts, name: str) -> NDArray[np.float32] | None:
@@ -201,6 +200,37 @@ def _kept(file: Path, trial: CameraTrial, cuts: Cuts, name: str) -> NDArray[np.f
     if values is None or len(values) % (cuts.places * cameras):
         return None
     return values.reshape(cuts.places, -1, cameras, columns)
+
+
+def all_moves(
+    trials: Sequence[CameraTrial],
+    layout: Layout,
+    cache: Path,
+    on_trial: Callable[[int, int], None] = lambda done, of: None,
+) -> bool:
+    """Return whether crops of this layout are what crops of whole trials are, frame by frame.
+
+    Args:
+        trials: None shorter than a crop.
+        layout: How they are cut.
+        cache: Folder to keep in how much they move.
+        on_trial: Called with trials done and in all, until one is not wholly taken.
+
+    Raises:
+        RecordingFailed: The disk refused.
+        BadTable: A video cannot be read.
+    """
+    if layout.step > 1:
+        return False
+    for done, trial in enumerate(trials, start=1):
+        if len(_part(trial, layout, cache)) < trial.frames:
+            return False
+        on_trial(done, len(trials))
+    return True
+
+
+def _part(trial: CameraTrial, layout: Layout, cache: Path) -> range:
+    return part_of(layout, trial.frames, lambda: _changes(trial, layout.step, cache))
 
 
 def _changes(trial: CameraTrial, step: int, cache: Path) -> NDArray[np.float32]:

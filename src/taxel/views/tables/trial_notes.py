@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 
 from taxel.evaluation.camera_trials.contenders import MAJORITY, nothing_moves
 from taxel.evaluation.camera_trials.crossval import TrialResult
+from taxel.evaluation.camera_trials.cut_choice import CutTrials
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.evaluation.run_scores import learned_note
 from taxel.labels.trials import SESSIONS
@@ -97,14 +98,13 @@ def trial_notes(trials: TrialSet) -> list[str]:
     return [note for note in found if note is not None]
 
 
-def crop_notes(ours: TrialResult, moving: bool = False) -> list[str]:
+def crop_notes(ours: TrialResult) -> list[str]:
     """Return a note where a crop alone is better than all of a trial's together.
 
     In log-loss, and by `CROP_AHEAD` or more in accuracy; few trials may show that by chance.
 
     Args:
         ours: The recogniser's result.
-        moving: Whether crops are taken from the part in which something moves already.
     """
     if not ours.places:
         return []
@@ -115,8 +115,29 @@ def crop_notes(ours: TrialResult, moving: bool = False) -> list[str]:
     return [
         f"the {PLACES[best]} crop alone is more accurate ({100 * alone.accuracy:.1f} %) than all "
         f"of a trial's crops together ({100 * whole.accuracy:.1f} %): if little happens in the "
-        f"others, {'' if moving else 'try --moving-part, or '}cut the trials to the touch"
+        f"others, cut the trials to the touch"
     ]
+
+
+def cut_line(cut: CutTrials) -> str:
+    """Return which part of the trials crops are taken from, as inner folds chose; empty where there
+    was nothing to choose.
+
+    Args:
+        cut: The trials.
+    """
+    if not cut.losses:
+        return ""
+    whole, part = (sum(each) / len(cut.losses) for each in zip(*cut.losses, strict=True))
+    count = len(cut.sides)
+    where = f"in {cut.moving} of {number_of(count, 'training side')}"
+    if cut.moving in (0, count):
+        where = "in each training side" if count > 1 else "in training"
+    part_of = "the part in which something moves" if cut.moving else "whole trials"
+    return (
+        f"crops: of {part_of} {where}, as inner folds chose (log-loss there {whole:.3f} with crops "
+        f"of whole trials, {part:.3f} of the part in which something moves)"
+    )
 
 
 def control_warnings(results: Sequence[TrialResult]) -> list[str]:

@@ -23,6 +23,7 @@ from taxel.evaluation.camera_trials.crossval import (
     TrialResult,
     by_group,
 )
+from taxel.evaluation.camera_trials.cut_choice import CutTrials
 from taxel.evaluation.camera_trials.sides import TrialSplit, shared_values
 from taxel.evaluation.camera_trials.trial_set import TrialSet
 from taxel.evaluation.paired import LEVEL, smallest_p
@@ -33,6 +34,7 @@ from taxel.views.tables.trial_notes import (
     bar_warnings,
     control_warnings,
     crop_notes,
+    cut_line,
     trial_notes,
 )
 from taxel.windows.trial_crops import PLACES
@@ -50,6 +52,7 @@ def trial_tables(
     split: TrialSplit,
     results: Sequence[TrialResult],
     differences: Sequence[Difference],
+    cut: CutTrials | None = None,
 ) -> RenderableType:
     """Return scores by trial, by place, the difference to the bar, and what controls know.
 
@@ -58,6 +61,7 @@ def trial_tables(
         split: How it was parted.
         results: A row each, ours first.
         differences: Ours less others; the first is to what the recogniser should exceed.
+        cut: How each training side cuts them, where inner folds chose.
     """
     ours = results[0]
     parts: list[RenderableType] = [
@@ -72,7 +76,8 @@ def trial_tables(
             for place, scores in zip(PLACES, result.places, strict=True)
         ]
         parts.append(_table("by one crop alone", rows))
-        parts += [Text(f"note: {note}") for note in crop_notes(ours, trials.layout.moving)]
+        parts += [Text(f"note: {note}") for note in crop_notes(ours)]
+    parts += [Text(line) for line in (cut and cut_line(cut),) if line]
     parts += [Text(_difference_line(difference)) for difference in differences]
     parts += [Text(f"{result.name}: {result.leaks}.") for result in results if result.leaks]
     parts.append(Text(_weakest(trials, split, ours)))
@@ -266,11 +271,20 @@ def _wrong(trials: TrialSet, ours: TrialResult) -> str:
     return f"{len(rows)} of {of} {'is' if len(rows) == 1 else 'are'} wrong{such} {shown}."
 
 
+def _choices(cut: CutTrials) -> list[dict[str, Any]]:
+    """Return what each training side chose, in words of a document."""
+    return [
+        {"moving": own.layout.moving, "loss_whole": whole, "loss_moving": part}
+        for own, (whole, part) in zip(cut.sides, cut.losses, strict=False)
+    ]
+
+
 def trial_json(
     trials: TrialSet,
     split: TrialSplit,
     results: Sequence[TrialResult],
     differences: Sequence[Difference],
+    cut: CutTrials | None = None,
 ) -> dict[str, Any]:
     """Return what was measured, for printing: predictions of tested trials only, with the fold."""
     folds = {row: fold.name for fold in split.folds for row in fold.test_rows.tolist()}
@@ -289,6 +303,7 @@ def trial_json(
         "crops_a_trial": trials.layout.places,
         "every": trials.layout.step,
         "of_moving_part": trials.layout.moving,
+        "part_chosen": [] if cut is None else _choices(cut),
         "split": split.name,
         "folds": len(split.folds),
         "network": trials.network and trials.network.words,
