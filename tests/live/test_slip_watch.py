@@ -88,15 +88,17 @@ def test_what_an_exchanged_image_showed_is_forgotten(pour):
     """Once the earlier image is back, slip is as if that camera had sent none between."""
     cameras, sets, _ = pour
     spoiled, spared = SlipWatch(cameras, rim=True), SlipWatch(cameras, rim=True)
+    rows = {id(spoiled): [], id(spared): []}
     for number, found in enumerate(sets[:70]):
         left, right = found.frames
         if 40 <= number < 55:
             image = np.ascontiguousarray(decode_jpeg(right.jpeg, None)[:, ::-1])
-            spoiled.see(FrameSet((left, replace(right, jpeg=encode_jpeg(image)))))
+            foreign = FrameSet((left, replace(right, jpeg=encode_jpeg(image))))
+            rows[id(spoiled)] += spoiled.see(foreign)
         else:
-            spoiled.see(found)
+            rows[id(spoiled)] += spoiled.see(found)
         if not 40 <= number < 62:
-            spared.see(found)
+            rows[id(spared)] += spared.see(found)
         if number in (39, 54):
             assert spoiled.exchanged == (None if number == 39 else 1)
             assert spoiled.gels[1].seen == (number == 39)
@@ -104,6 +106,9 @@ def test_what_an_exchanged_image_showed_is_forgotten(pour):
     assert spoiled.exchanged is None
     assert spoiled.gels[1].distance_mm == pytest.approx(spared.gels[1].distance_mm, abs=1e-3)
     assert spoiled.gels[1].seen
+    share = WITH_RIM.index("rim_share_lost")
+    last, expected = (each[-1][share] for each in rows.values())
+    assert last == pytest.approx(expected, abs=0.05)
 
 
 @pytest.mark.slow

@@ -25,6 +25,9 @@ from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet
 from taxel.windows.rest import SETTLE
 
+_Known = tuple[TouchFollower, GelSlip, NDArray[np.float64], RimSlip | None]
+"""What is known of a gel, and of the rims of all: follower, slip, its rim's turns, the rims."""
+
 
 class SlipWatch:
     """Follows the slip over all gels of one grasp.
@@ -46,7 +49,7 @@ class SlipWatch:
         self._cameras = tuple(cameras)
         self._followers: list[TouchFollower] = []
         self._lights: list[BorderLight] = []
-        self._kept: dict[int, tuple[TouchFollower, GelSlip, NDArray[np.float64]]] = {}
+        self._kept: dict[int, _Known] = {}
         """Camera → what was known of its gel before the images that it is doubted for."""
         self._early: list[tuple[tuple[Rgb, ...], tuple[float, ...], float]] = []
         self._shown: tuple[Rgb, ...] = ()
@@ -180,11 +183,11 @@ class SlipWatch:
         before, doubted = light.exchanged, light.doubted
         light.take(image, taken_s)
         if light.doubted and not doubted:
-            known = self._followers[camera], gels[camera], self._rim_rad[camera]
+            known = self._followers[camera], gels[camera], self._rim_rad[camera], self._rim
             self._kept[camera] = copy.deepcopy(known)
         elif light.exchanged and not before:
             kept = self._kept.pop(camera)
-            self._followers[camera], gel, self._rim_rad[camera] = kept
+            self._followers[camera], gel, self._rim_rad[camera], self._rim = kept
             self._pair.gels = (*gels[:camera], gel, *gels[camera + 1 :])
         elif not light.doubted:
             self._kept.pop(camera, None)

@@ -29,6 +29,7 @@ from taxel.evaluation.camera_trials.cut_choice import (
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import Sight, TrialSet
 from taxel.views.tables.trial_notes import cut_line
+from taxel.views.tables.trials import part_choices
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_layout import Layout
 
@@ -99,6 +100,24 @@ def test_only_what_is_chosen_is_finished_and_each_fold_is_judged_on_its_own_crop
     assert "in 1 of 3 training sides" in line
     assert "0.600 with crops of whole trials, 0.100" in line
     assert cut_line(CutTrials(sides=(whole,))) == ""
+    nothing = CutTrials(sides=(whole,) * 4, losses=((float("nan"), float("nan")),) * 4)
+    assert "no trial could be held out" in cut_line(nothing)
+    assert "0.600" in cut_line(replace(nothing, losses=((0.6, 0.7), *nothing.losses[1:])))
+    found = part_choices(nothing, split)
+    assert [own["side"] for own in found] == [*(fold.name for fold in split.folds), "kept"]
+    assert {own["loss_whole"] for own in found} == {None}
+    assert part_choices(cut, split)[0] == {
+        "side": split.folds[0].name, "moving": True, "loss_whole": 0.6, "loss_moving": 0.1
+    }  # fmt: skip
+
+
+def test_where_nothing_can_be_held_out_whole_trials_are_kept() -> None:
+    """A class of one trial."""
+    ways = tuple(replace(own, y=np.array([0] * 23 + [1])) for own in both_ways(whole_shows=False))
+    split = split_trials(ways[0].groups, some_trials().y, "group:object", 3, 0)
+    cut = choose_cuts(ways, split, [np.arange(24)], 0)
+    assert np.isnan(cut.losses).all()
+    assert cut.moving == 0
 
 
 def pressed(slips: bool, before: int, behind: int, seed: int) -> list[NDArray[np.uint8]]:

@@ -108,7 +108,7 @@ class Stops:
 
 
 def first_minutes_rows(seconds: float) -> list[Row]:
-    """Run that command; count what is reported although nothing is wrong.
+    """Run a station with `cup-pour`; count what is reported although nothing is wrong.
 
     Args:
         seconds: How long.

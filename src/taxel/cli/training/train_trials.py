@@ -60,7 +60,7 @@ class TrainTrials:
         from taxel.evaluation.camera_trials.contenders import contenders_for
         from taxel.evaluation.camera_trials.crossval import difference, judge_trials, rivals
         from taxel.evaluation.camera_trials.final import fit_final, save_trial_run
-        from taxel.views.tables.trials import trial_json
+        from taxel.views.tables.trials import part_choices, trial_json
 
         results: list[TrialResult] = []
         differences: list[Difference] = []
@@ -80,6 +80,12 @@ class TrainTrials:
             measured = _measured(split, results)
             final = fit_final(kept, found, split, self.options.seed, measured, on_step)
         result = trial_json(trials, split, results, differences, cut) if results else {}
+        result |= {  # of the bundle, where folds chose otherwise
+            "crop": kept.layout.crop,
+            "every": kept.layout.step,
+            "of_moving_part": kept.layout.moving,
+            "part_chosen": part_choices(cut, split),
+        }
         about = save_trial_run(output, final, result)
         if self.json:
             print_json(about)

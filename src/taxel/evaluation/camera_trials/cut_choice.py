@@ -46,7 +46,8 @@ class CutTrials:
     tested on are shown to it."""
     losses: tuple[tuple[float, float], ...] = ()
     """Each side's mean log-loss on inner folds, nats: of crops of whole trials, and of those of the
-    part in which something moves; empty where there was nothing to choose."""
+    part in which something moves; NaN where no trial can be held out. Empty where there was nothing
+    to choose."""
 
     @property
     def moving(self) -> int:
@@ -174,7 +175,7 @@ def _loss(
     learning = trials.learning(trials.rows, split.group, order=order).part(side)
     losses = inner_losses(learning, trials.cameras, trials.widths, seed, on_step)
     known = losses[np.isfinite(losses)]
-    return float(known.mean()) if len(known) else 0.0
+    return float(known.mean()) if len(known) else float("nan")
 
 
 def _step(on_step: Callable[[str], None], label: str, line: str) -> None:

@@ -6,6 +6,7 @@ Knows nothing about how anything was made or is drawn.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 
 from taxel.evaluation.camera_trials.contenders import MAJORITY, nothing_moves
 from taxel.evaluation.camera_trials.crossval import TrialResult
@@ -128,7 +129,10 @@ def cut_line(cut: CutTrials) -> str:
     """
     if not cut.losses:
         return ""
-    whole, part = (sum(each) / len(cut.losses) for each in zip(*cut.losses, strict=True))
+    known = [pair for pair in cut.losses if all(map(isfinite, pair))]
+    if not known:
+        return "crops: of whole trials, for no trial could be held out to choose a part"
+    whole, part = (sum(each) / len(known) for each in zip(*known, strict=True))
     count = len(cut.sides)
     where = f"in {cut.moving} of {number_of(count, 'training side')}"
     if cut.moving in (0, count):

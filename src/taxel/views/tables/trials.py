@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
-from math import isnan
+from math import isfinite, isnan
 from typing import Any
 
 import numpy as np
@@ -271,11 +271,20 @@ def _wrong(trials: TrialSet, ours: TrialResult) -> str:
     return f"{len(rows)} of {of} {'is' if len(rows) == 1 else 'are'} wrong{such} {shown}."
 
 
-def _choices(cut: CutTrials) -> list[dict[str, Any]]:
-    """Return what each training side chose, in words of a document."""
+def part_choices(cut: CutTrials, split: TrialSplit) -> list[dict[str, Any]]:
+    """Return which part each training side chose, as plain values; losses of null where no trial
+    could be held out.
+
+    Args:
+        cut: The trials.
+        split: How they are parted; a side that is no fold's is that of the recogniser kept.
+    """
+    folds = [fold.name for fold in split.folds]
+    names = [*folds, "kept"] if len(cut.sides) >= len(folds) else ["kept"]
+    losses = [[own if isfinite(own) else None for own in pair] for pair in cut.losses]
     return [
-        {"moving": own.layout.moving, "loss_whole": whole, "loss_moving": part}
-        for own, (whole, part) in zip(cut.sides, cut.losses, strict=False)
+        {"side": name, "moving": own.layout.moving, "loss_whole": whole, "loss_moving": part}
+        for name, own, (whole, part) in zip(names, cut.sides, losses, strict=False)
     ]
 
 
@@ -303,7 +312,7 @@ def trial_json(
         "crops_a_trial": trials.layout.places,
         "every": trials.layout.step,
         "of_moving_part": trials.layout.moving,
-        "part_chosen": [] if cut is None else _choices(cut),
+        "part_chosen": [] if cut is None else part_choices(cut, split),
         "split": split.name,
         "folds": len(split.folds),
         "network": trials.network and trials.network.words,
