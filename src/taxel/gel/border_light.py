@@ -31,8 +31,8 @@ _SHARE: Final = 0.35
 _DIM: Final = 4.0
 """Grey levels added before the logarithm, so that noise in dark corners is no change."""
 _DARKEST: Final = 12.0
-"""Mean grey level below which an image shows no light that could be compared: it changes nothing.
-Source: our choice, decision 37."""
+"""Mean grey level of the border below which it shows no light that could be compared: such an image
+changes nothing. Source: our choice, decision 37."""
 _CHANGE: Final = 0.032
 """Change of the logarithm of the light, from one image to the next, that touch does not make in
 `_IMAGES` images: simulated grasps reach 0.019. Source: our choice, decision 37."""
