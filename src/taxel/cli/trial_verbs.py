@@ -67,10 +67,11 @@ def refuse_options_of_arrays(typed: str, verb: str, words: Sequence[str]) -> Non
 def _options(verb: str) -> set[str]:
     from taxel.cli.evaluation.evaluate_trials import EvaluateTrials
     from taxel.cli.options.trials import TrialOptions
+    from taxel.cli.options.work import WorkOptions
     from taxel.cli.training.train_trials import TrainTrials
 
     own = TrainTrials if verb == "train-trials" else EvaluateTrials
-    names = {field.name for kind in (own, TrialOptions) for field in fields(kind)}
+    names = {field.name for kind in (own, TrialOptions, WorkOptions) for field in fields(kind)}
     return {name.replace("_", "-") for name in names}
 
 

@@ -9,7 +9,7 @@ Source: docs/decisions/0050.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, as_completed
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -92,7 +92,7 @@ def as_done(
     jobs: Sequence[tuple[Any, ...]],
     workers: int | None = None,
     names: Sequence[str] = (),
-) -> Iterator[tuple[int, _Result]]:
+) -> Generator[tuple[int, _Result], None, None]:
     """Yield each job's number and result, in the order in which they are done.
 
     Args:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
@@ -59,7 +59,8 @@ class CameraTrial:
     recorded: bool
     """True where the images are a recording's own, which `digest` is over; False for files."""
     read: Callable[[int], Iterator[Image]]
-    """Camera's number → its images in order, shape (height, width, 3), red first."""
+    """Camera's number → its images in order, shape (height, width, 3), red first. It can be sent to
+    another process."""
     slip_um: NDArray[np.float32] | None = None
     """Shape (frames,): how far the object has slipped, where a simulator says it."""
 
@@ -118,6 +119,30 @@ class CameraTrial:
             for image in images:
                 whole.update(hashlib.sha256(encode_jpeg(image, QUALITY)).digest())
         return self.digest, whole.hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class _Files:
+    """Reads images from a file or folder of each camera."""
+
+    files: tuple[Path, ...]
+    """Absolute."""
+
+    def __call__(self, camera: int) -> Iterator[Image]:
+        with closing(open_footage(self.files[camera])) as footage:
+            yield from footage.frames()
+
+
+@dataclass(frozen=True, slots=True)
+class _Recorded:
+    """Reads images from some successive sets of frames of a recording."""
+
+    pour: CameraRecording
+    first: int
+    behind: int
+
+    def __call__(self, camera: int) -> Iterator[Image]:
+        return islice(camera_images(self.pour, camera), self.first, self.behind)
 
 
 def are_camera_trials(path: Path) -> bool:
@@ -196,12 +221,6 @@ def _known(path: Path) -> list[VideoRow]:
 def _of_row(row: VideoRow) -> CameraTrial:
     videos = {name: open_footage(file) for name, file in row.files.items()}
     try:
-        files = list(row.files.values())
-
-        def read(camera: int) -> Iterator[Image]:
-            with closing(open_footage(files[camera])) as footage:
-                yield from footage.frames()
-
         first = next(iter(videos.values()))
         for name, video in videos.items():
             if (video.width, video.height) != (first.width, first.height):
@@ -224,7 +243,7 @@ def _of_row(row: VideoRow) -> CameraTrial:
             mm_per_px=row.mm_per_px,
             digest=hashlib.sha256(together.encode()).hexdigest(),
             recorded=False,
-            read=read,
+            read=_Files(tuple(file.absolute() for file in row.files.values())),
         )
     finally:
         for video in videos.values():
@@ -261,6 +280,6 @@ def _of_pour(pour: CameraRecording) -> CameraTrial:
         mm_per_px=camera.mm_per_px,
         digest=cut.digest,
         recorded=True,
-        read=lambda number: islice(camera_images(pour, number), cut.first, behind),
+        read=_Recorded(replace(pour, path=pour.path.absolute()), cut.first, behind),
         slip_um=slip_um,
     )

@@ -56,6 +56,8 @@ class EvaluateTrials:
                 "network",
                 "cache",
                 "seed",
+                "workers",
+                "run-on",
             ),
             "trials without a bundle (it is scored as it is)",
             lambda verb: verb.data is None,
@@ -87,7 +89,7 @@ class EvaluateTrials:
         from taxel.views.tables.trial_notes import control_warnings
         from taxel.views.tables.trials import trial_json, trial_tables
 
-        with progress() as bar:
+        with self.options.work.open(), progress() as bar:
             work = LongWork(bar)
             cut, split, _ = self.options.load(self.trials, work)
             trials = cut.usual

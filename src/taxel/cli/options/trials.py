@@ -5,13 +5,16 @@ Knows nothing about models.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
 
 from taxel.cli.long_work import LongWork
 from taxel.cli.options.rules import Only
+from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import say_aside
 from taxel.errors import BadInput
 from taxel.plain_text import number_of
@@ -57,6 +60,7 @@ class TrialOptions:
     """Folder for features; $TAXEL_CACHE or ~/.cache/taxel unless given."""
     seed: int = 0
     """Seed of folds and models."""
+    work: Annotated[WorkOptions, tyro.conf.arg(name="")] = field(default_factory=WorkOptions)
 
     def load(
         self, data: Path, work: LongWork, *, folds: bool = True, final: bool = False

@@ -64,7 +64,7 @@ class TrainTrials:
 
         results: list[TrialResult] = []
         differences: list[Difference] = []
-        with progress() as bar:
+        with self.options.work.open(), progress() as bar:
             work = LongWork(bar)
             cut, split, found = self.options.load(self.trials, work, folds=self.check, final=True)
             trials, kept = cut.usual, cut.sides[-1]

@@ -20,7 +20,7 @@ from sklearn.neighbors import KNeighborsClassifier
 from taxel.evaluation.camera_trials.trial_set import Rows, TrialSet, thumbs_of
 from taxel.training.camera_trials.blend import TrialBlend, fit_blend, mean_of_crops, proba_of
 from taxel.training.camera_trials.learning import Extras, Learning
-from taxel.training.camera_trials.members import forest
+from taxel.training.camera_trials.members import forest, learned
 from taxel.windows.trial_crops import BAR as BAR_COLUMNS
 from taxel.windows.trial_crops import THUMB, numbers_of
 from taxel.windows.trial_picture import means_by_cell
@@ -54,7 +54,7 @@ class Plain:
 
     def fit(self, learning: Learning) -> None:
         self._classes = learning.classes
-        self._model.fit(learning.rows, learning.y[learning.trial])
+        learned(self._model, learning.rows, learning.y[learning.trial])
 
     def crops(self, rows: Rows) -> Probabilities:
         return proba_of(self._model, rows, self._classes)

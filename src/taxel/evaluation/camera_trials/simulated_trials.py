@@ -29,8 +29,9 @@ from taxel.models.backbones.touch import FEATURES as TOUCH_FEATURES
 from taxel.sim.pour.cup_pour import CupPourConfig, Gel, list_runs, simulate_pour
 from taxel.sim.pour.cups import Kind, Position, PourRun
 from taxel.sources.simulated.pour_sets import simulate_videos
-from taxel.training.camera_trials.features import Cuts, trial_rows
+from taxel.training.camera_trials.features import trial_rows
 from taxel.training.camera_trials.members import DIFFERENCES
+from taxel.training.camera_trials.one_trial import Cuts
 from taxel.training.encoder.fit import GAIN, GRAIN, JITTER, LEVEL
 from taxel.training.encoder.videos import STRETCHES, TouchVideo, chosen_frames, small
 from taxel.training.frames.features import default_cache, load_kept, save_kept

@@ -19,7 +19,6 @@ from taxel.bundles.contract import RATE_RANGE
 from taxel.errors import BadDataset
 from taxel.labels.class_order import in_order, refuse_reserved
 from taxel.training.camera_trials.features import (
-    Cuts,
     TrialRows,
     further_crops,
     moved_crops,
@@ -27,6 +26,7 @@ from taxel.training.camera_trials.features import (
 )
 from taxel.training.camera_trials.image_network import ImageNetwork
 from taxel.training.camera_trials.learning import Extras, Learning
+from taxel.training.camera_trials.one_trial import Cuts
 from taxel.windows.camera_trials import CameraTrial
 from taxel.windows.trial_crops import LARGEST_RATIO, MOVEMENT, THUMB, USUAL, thumb_of
 from taxel.windows.trial_layout import Layout, choose_layout, count_between, count_shifted

@@ -26,7 +26,7 @@ from taxel.training.camera_trials.member_weights import (
     weigh,
     weigh_places,
 )
-from taxel.training.camera_trials.members import MEMBERS, TREES, TrialMember
+from taxel.training.camera_trials.members import MEMBERS, TREES, TrialMember, learned
 from taxel.training.camera_trials.novelty import (
     Novelty,
     held_out_novelty,
@@ -277,7 +277,7 @@ def _fit(
         seen.append(moved.copies(learning.rows, columns))
         trial.append(learning.trial[moved.crop])
     model = member.make(seed, trees, len(columns))
-    return model.fit(np.concatenate(seen), learning.y[np.concatenate(trial)])
+    return learned(model, np.concatenate(seen), learning.y[np.concatenate(trial)])
 
 
 def _thin_out(fitted: Sequence[Any], classes: int) -> None:

@@ -1,35 +1,30 @@
-"""What crops of camera trials show, computed once and kept on disk, a file a trial and family.
+"""What crops of camera trials show, as rows of numbers; each trial's come from a cache.
 
-Files are named by the family and by the images' contents: other images, another crop or another
-version of a family give another file. Knows nothing about labels, folds or models.
+Trials that the cache lacks are looked at side by side where an engine is in use. Knows nothing
+about labels, folds or models.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from itertools import count
+from contextlib import closing
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gel.scale import mm_per_row_px
-from taxel.training.camera_trials.image_network import ImageNetwork
+from taxel.jobs.running import as_done, shared_out
+from taxel.training.camera_trials.image_network import stored_network
 from taxel.training.camera_trials.learning import Crops, Moved
-from taxel.training.frames.features import load_kept, save_kept
-from taxel.windows.camera_trials import CameraTrial, Image
-from taxel.windows.trial_crops import (
-    FAMILIES,
-    Scene,
-    look_at,
-    row_of,
-    rows_alone,
-)
+from taxel.training.camera_trials.one_trial import Cuts, is_kept, look_at_trial, moving_part
+from taxel.training.frames.jobs import other_disk
+from taxel.windows.camera_trials import CameraTrial
+from taxel.windows.trial_crops import row_of, rows_alone
 from taxel.windows.trial_layout import Layout
-from taxel.windows.trial_shifts import VERSION, WHOLE, looked_at, shifted
-from taxel.windows.trial_stretch import VERSION as CHANGES
-from taxel.windows.trial_stretch import changes_of, part_of
+
+OnTrial = Callable[[int, int], None]
+"""Called with trials done and in all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,45 +51,12 @@ class TrialRows:
         return int(next(iter(self.shown.values())).shape[2])
 
 
-@dataclass(frozen=True, slots=True)
-class Cuts:
-    """Which crops of a trial are looked at: those it is judged by, unless others are asked for."""
-
-    layout: Layout
-    """How trials are cut."""
-    between: int = 0
-    """So many crops between the places instead, which are only learned from."""
-    copies: int = 0
-    """So many shifted copies of each crop instead, by which no trial is judged."""
-    network: ImageNetwork | None = None
-    """What the family of that name looks through."""
-
-    def starts(self, part: range) -> list[int]:
-        """Return the first frames of these crops in a trial of which they show this part."""
-        if self.between:
-            return self.layout.between(part, self.between)
-        return self.layout.starts(part)
-
-    @property
-    def places(self) -> int:
-        """How many crops each trial gives, copies counted."""
-        return len(self.starts(range(self.layout.span))) * max(1, self.copies)
-
-    def key(self, whole: bool) -> str:
-        """Return a name for the cache; `whole`: whether crops are taken from all of a trial."""
-        between = f"-between-{self.between}" if self.between else ""
-        shifted = f"-{VERSION}-{self.copies}" if self.copies else ""
-        moving = "" if whole else f"-of-{CHANGES}"
-        moving += f"-by-{self.layout.step}" if self.layout.step > 1 else ""
-        return f"{self.layout.crop}x{self.layout.places}{moving}{between}{shifted}"
-
-
 def trial_rows(
     trials: Sequence[CameraTrial],
     cuts: Cuts,
     families: Sequence[str],
     cache: Path,
-    on_trial: Callable[[int, int], None] = lambda done, of: None,
+    on_trial: OnTrial = lambda done, of: None,
 ) -> TrialRows:
     """Return what all crops show, from the cache where it has it.
 
@@ -108,12 +70,15 @@ def trial_rows(
     Raises:
         RecordingFailed: The disk refused.
         BadTable: A video cannot be read.
+        BadInput: A worker has another cache.
     """
     shown: dict[str, list[NDArray[np.float32]]] = {name: [] for name in families}
+    filled = _fill(trials, cuts, families, cache, on_trial)
     for done, trial in enumerate(trials, start=1):
-        for name, values in _shown(trial, cuts, families, cache).items():
+        for name, values in look_at_trial(trial, cuts, families, cache).items():
             shown[name].append(values)
-        on_trial(done, len(trials))
+        if not filled:
+            on_trial(done, len(trials))
     whole = {name: np.concatenate(parts) for name, parts in shown.items()}
     places = cuts.places
     crops = range(len(trials) * places)
@@ -170,43 +135,40 @@ def _alone(cut: TrialRows, views: Sequence[str]) -> Crops:
     return Crops(np.stack(rows), np.repeat(cut.trial, cut.cameras))
 
 
-def _shown(
-    trial: CameraTrial, cuts: Cuts, families: Sequence[str], cache: Path
-) -> dict[str, NDArray[np.float32]]:
-    """Return what one trial's crops show, family → shape (places, rows, cameras, columns)."""
-    part = _part(trial, cuts.layout, cache)
-    folder = cuts.key(len(part) == trial.frames)
-    files = {name: _file(trial, cuts, name, cache / "trials", folder) for name in families}
-    found = {name: _kept(files[name], trial, cuts, name) for name in families}
-    lacking = [name for name in families if found[name] is None]
-    if lacking:
-        for name, values in _compute(trial, cuts, part, lacking).items():
-            save_kept(files[name], values.reshape(-1, values.shape[-1]))
-            found[name] = values
-    return {name: values for name, values in found.items() if values is not None}
+def _fill(
+    trials: Sequence[CameraTrial],
+    cuts: Cuts,
+    families: Sequence[str],
+    cache: Path,
+    on_trial: OnTrial,
+) -> bool:
+    """Let workers compute what the cache lacks; return whether there are any workers."""
+    if not shared_out():
+        return False
+    missing = [trial for trial in trials if not is_kept(trial, cuts, families, cache)]
+    missing.sort(key=lambda trial: -trial.frames)  # the longest last would keep one worker alone
+    if missing and cuts.network is not None and "network" in families:
+        cuts = replace(cuts, network=stored_network(cuts.network, cache))
+    kept, where = len(trials) - len(missing), cache.absolute()
+    jobs = [(trial, cuts, tuple(families), where) for trial in missing]
+    names = [trial.name for trial in missing]
+    for done, (number, _) in enumerate(as_done(_leave, jobs, names=names), start=1):
+        if not is_kept(missing[number], cuts, families, cache):
+            raise other_disk(cache)
+        on_trial(kept + done, len(trials))
+    return True
 
 
-def _file(trial: CameraTrial, cuts: Cuts, name: str, cache: Path, crops: str) -> Path:
-    camera = f"{trial.rate_hz:.4g}-{mm_per_row_px(trial.width, trial.mm_per_px):.4g}"
-    family = FAMILIES[name].key
-    if name == "network" and cuts.network is not None:
-        family = f"{family}-{cuts.network.key}"
-    return cache / f"{family}-{crops}-{camera}" / f"{trial.digest[:32]}.npy"
-
-
-def _kept(file: Path, trial: CameraTrial, cuts: Cuts, name: str) -> NDArray[np.float32] | None:
-    columns, cameras = FAMILIES[name].columns, len(trial.cameras)
-    values = load_kept(file, columns)
-    if values is None or len(values) % (cuts.places * cameras):
-        return None
-    return values.reshape(cuts.places, -1, cameras, columns)
+def _leave(trial: CameraTrial, cuts: Cuts, families: Sequence[str], cache: Path) -> None:
+    """Leave what a trial's crops show in the cache; a job for any worker."""
+    look_at_trial(trial, cuts, families, cache)
 
 
 def all_moves(
     trials: Sequence[CameraTrial],
     layout: Layout,
     cache: Path,
-    on_trial: Callable[[int, int], None] = lambda done, of: None,
+    on_trial: OnTrial = lambda done, of: None,
 ) -> bool:
     """Return whether crops of this layout are what crops of whole trials are, frame by frame.
 
@@ -222,60 +184,11 @@ def all_moves(
     """
     if layout.step > 1:
         return False
-    for done, trial in enumerate(trials, start=1):
-        if len(_part(trial, layout, cache)) < trial.frames:
-            return False
-        on_trial(done, len(trials))
+    jobs = [(trial, layout, cache.absolute()) for trial in trials]
+    looked = as_done(moving_part, jobs, None if shared_out() else 1, [own.name for own in trials])
+    with closing(looked):  # those that have not begun need not be looked at
+        for done, (number, part) in enumerate(looked, start=1):
+            if len(part) < trials[number].frames:
+                return False
+            on_trial(done, len(trials))
     return True
-
-
-def _part(trial: CameraTrial, layout: Layout, cache: Path) -> range:
-    return part_of(layout, trial.frames, lambda: _changes(trial, layout.step, cache))
-
-
-def _changes(trial: CameraTrial, step: int, cache: Path) -> NDArray[np.float32]:
-    """Return how much each frame of a trial differs from others, from the cache where it has it.
-
-    Returns:
-        Shape (frames, 3), as `taxel.windows.trial_stretch.Changes` measures it.
-    """
-    file = cache / "trials" / f"{CHANGES}-by-{step}" / f"{trial.digest[:32]}.npy"
-    values = load_kept(file, 3)
-    if values is None or len(values) != trial.frames:
-        values = np.array(changes_of(trial.moments(), step), np.float32)
-        save_kept(file, values)
-    return values
-
-
-def _compute(
-    trial: CameraTrial, cuts: Cuts, part: range, families: Sequence[str]
-) -> dict[str, NDArray[np.float32]]:
-    scale = mm_per_row_px(trial.width, trial.mm_per_px)
-
-    def look(names: Sequence[str], images: list[list[Image]]) -> dict[str, NDArray[np.float32]]:
-        scenes = [
-            Scene(own, trial.rate_hz / cuts.layout.step, scale, cuts.network) for own in images
-        ]
-        return look_at(names, scenes)
-
-    whole = tuple(name for name in families if name in WHOLE)
-    others = tuple(name for name in families if name not in WHOLE)
-
-    def copy_of(images: list[list[Image]], seed: tuple[int, ...]) -> dict[str, NDArray[np.float32]]:
-        found = {}
-        for names in filter(None, (whole, others)):
-            seen = [looked_at(names[0], own) for own in images]
-            moved = [shifted(own, (*seed, camera)) for camera, own in enumerate(seen)]
-            found.update(look(names, moved))
-        return found
-
-    def look_at_all(number: int, images: list[list[Image]]) -> list[dict[str, NDArray[np.float32]]]:
-        if not cuts.copies:
-            return [look(families, images)]
-        seed = int(trial.digest[:8], 16), number
-        return [copy_of(images, (*seed, copy)) for copy in range(cuts.copies)]
-
-    # map lets go of each crop before the next is read
-    crops = trial.crops(cuts.starts(part), cuts.layout.span, cuts.layout.step)
-    each = [found for copies in map(look_at_all, count(), crops) for found in copies]
-    return {name: np.stack([found[name] for found in each]) for name in families}

@@ -10,16 +10,29 @@ Background of our choices: docs/decisions/0041.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.bundles.engine import Engine, open_engine
+from taxel.recordings.whole import write_whole
 
 if TYPE_CHECKING:
     from taxel.models.weights import Weights
+
+
+class AnyNetwork(Protocol):
+    """Images, shape (n, 224, 224, 3), red first → features, shape (n, 3120)."""
+
+    @property
+    def key(self) -> str:
+        """Name for the cache."""
+        ...
+
+    def __call__(self, images: NDArray[np.uint8]) -> NDArray[np.float32]: ...
 
 
 @dataclass(frozen=True)
@@ -51,6 +64,42 @@ class ImageNetwork:
     @cached_property
     def _engine(self) -> Engine:
         return open_engine(self.model, threads=1)
+
+
+@dataclass(frozen=True, slots=True)
+class StoredNetwork:
+    """The same network, as a job carries it."""
+
+    file: Path
+    """The ONNX file."""
+    key: str
+
+    def __call__(self, images: NDArray[np.uint8]) -> NDArray[np.float32]:
+        return _opened(self.file).run(frames=images)
+
+
+@lru_cache(maxsize=1)
+def _opened(file: Path) -> Engine:
+    return open_engine(file.read_bytes(), threads=1)
+
+
+def stored_network(network: AnyNetwork, cache: Path) -> AnyNetwork:
+    """Return a network that other processes can open.
+
+    Args:
+        network: One that was found here, which is written into the cache; any other is returned as
+            it is.
+        cache: A folder that all of them see.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    if not isinstance(network, ImageNetwork):
+        return network
+    file = cache.absolute() / "networks" / f"{network.key}.onnx"
+    if not file.exists() or file.read_bytes() != network.model:
+        write_whole(file, network.model)
+    return StoredNetwork(file, network.key)
 
 
 def find_image_network() -> ImageNetwork | None:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
 
+from taxel.jobs.running import usual_workers, width
 from taxel.training.camera_trials.rank_sums import Logistic, Steady
 from taxel.windows.trial_crops import CHANGES, numbers_of
 
@@ -72,6 +73,21 @@ class TrialMember:
             for view, names in self.views.items()
         ]
         return np.asarray(np.concatenate(each), np.intp)
+
+
+def learned(model: Any, rows: NDArray[np.float32], y: NDArray[np.intp]) -> Any:
+    """Return a model that has learned from rows, shape (n, columns), and their classes, shape (n,).
+
+    A forest's trees are grown side by side where an engine is in use; they are the same on any
+    number of cores, and so are its answers: afterwards it is asked on one, for sums over threads
+    would end in other digits each time.
+    """
+    if not isinstance(model, RandomForestClassifier | ExtraTreesClassifier):
+        return model.fit(rows, y)
+    model.n_jobs = min(width(), usual_workers())
+    model.fit(rows, y)
+    model.n_jobs = 1
+    return model
 
 
 def forest(seed: int, trees: int | None = None) -> RandomForestClassifier:

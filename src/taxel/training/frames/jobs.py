@@ -72,12 +72,17 @@ def fill_cache(
     for number, found in as_done(extract_one, jobs, names=[pour.name for pour, _ in missing]):
         pour, extractor = missing[number]
         if not kept_path(cache, extractor, pour).exists():
-            raise BadInput(
-                f"one cache for all workers, {cache}", "a worker that keeps its own",
-                "name a folder on a shared disk with --cache or $TAXEL_CACHE",
-            )  # fmt: skip
+            raise other_disk(cache)
         known, frames, seconds = known + 1, frames + found.frames, seconds + found.seconds
         on_progress(Progress(known, len(pours), frames, seconds))
+
+
+def other_disk(cache: Path) -> BadInput:
+    """Return what to raise where a worker's features are not in the cache."""
+    return BadInput(
+        f"one cache for all workers, {cache}", "a worker that keeps its own",
+        "name a folder on a shared disk with --cache or $TAXEL_CACHE",
+    )  # fmt: skip
 
 
 def _in_this_process(extractor: Extractor) -> bool:
