@@ -22,6 +22,7 @@ WORKS = {
     "simulation": ("two cores against one, simulation (54 pours)", "cores"),
     "folds": ("two cores against one, folds (12 folds of touchnet)", "cores"),
     "extraction": ("two cores against one, extraction (54 pours)", "cores"),
+    "camera trials": ("two cores against one, camera trials (18 pours)", "cores"),
     "training": ("two processes against one, training end to end (edge, 18 pours)", "cards"),
 }
 """Work → the name of its row, and what is planned: cores, or graphics cards, a process each."""

@@ -20,16 +20,20 @@ import numpy as np
 
 from taxel.bench.rows import Row, missing, row
 from taxel.bench.scale.plan import GOAL, WORKS
+from taxel.evaluation.camera_trials.trial_set import Sight, load_trial_set
 from taxel.evaluation.checked import check_recipe
 from taxel.jobs.local import LocalEngine
 from taxel.jobs.running import use_engine, usual_workers
 from taxel.sim.pour.cup_pour import CupPourConfig
 from taxel.sources.simulated.data_sets import simulate_presets
 from taxel.sources.simulated.pour_folder import write_pours
+from taxel.training.camera_trials.blend import fit_blend
+from taxel.training.camera_trials.image_network import find_image_network
 from taxel.training.frames.extractors import SlipExtractor
 from taxel.training.frames.jobs import fill_cache
 from taxel.training.recipes import find_recipe
 from taxel.windows.camera_recordings import CameraRecording, read_camera_recordings
+from taxel.windows.camera_trials import CameraTrial, read_camera_trials
 from taxel.windows.rest import SETTLE
 
 QUIET = 0.3
@@ -40,7 +44,7 @@ POURS = replace(FEW, cups=6)
 """A minute's work, in which the workers' start of two to four seconds is little.
 Source: our choice, 0050."""
 _SCANS, _FOLD_EPOCHS = 20_000, 400
-ROUNDS = {"simulation": 3, "folds": 1, "extraction": 3}
+ROUNDS = {"simulation": 3, "folds": 1, "extraction": 3, "camera trials": 3}
 """How often one and two workers follow each other: neighbours on a shared machine move a ratio by
 a tenth, and the median is given. A round of folds takes five minutes. Source: our choice, 0050."""
 _PATIENCE_S, _LOOK_S = 240.0, 5.0
@@ -57,6 +61,7 @@ def full_steps() -> list[tuple[str, Callable[[], list[Row]]]]:
         ("two cores against one: simulation", lambda: _if_quiet("simulation", _simulation)),
         ("two cores against one: folds", lambda: _if_quiet("folds", _folds)),
         ("two cores against one: extraction", lambda: _if_quiet("extraction", _extraction)),
+        ("two cores against one: camera trials", lambda: _if_quiet("camera trials", _trials)),
         ("two cores against one: training", lambda: _if_quiet("training", _training)),
     ]
 
@@ -97,6 +102,12 @@ def _extraction(folder: Path) -> Row:
     write_pours(folder / "pours", POURS, workers=2)
     pours = read_camera_recordings(folder / "pours")
     return _speed("extraction", lambda to, workers: _features(pours, folder / to, workers))
+
+
+def _trials(folder: Path) -> Row:
+    write_pours(folder / "pours", FEW, workers=2)
+    trials = read_camera_trials(folder / "pours")
+    return _speed("camera trials", lambda to, _: _learn_trials(trials, folder / to))
 
 
 def _training(folder: Path) -> Row:
@@ -186,6 +197,14 @@ def _train(pours: Path, folder: Path, processes: int, epochs: int) -> float:
     started = perf_counter()
     subprocess.run([*run, *words, *places], check=True, capture_output=True)
     return perf_counter() - started
+
+
+def _learn_trials(read: list[CameraTrial], cache: Path) -> None:
+    """Look at all that `train-trials` looks at, and fit its blend."""
+    sight = Sight(network=find_image_network(), extras=True)
+    trials = load_trial_set(read, "outcome", cache, sight=sight)
+    learning = trials.learning(trials.rows, "position", trials.extras)
+    fit_blend(learning, trials.cameras, trials.widths, 0)
 
 
 def _features(pours: list[CameraRecording], cache: Path, workers: int) -> None:
