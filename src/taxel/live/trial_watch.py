@@ -10,26 +10,24 @@ Background of our choices: docs/decisions/0041.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import compress
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.trials import TrialBundle, TrialContract
+from taxel.bundles.trials import TrialBundle
 from taxel.decisions.trial_verdict import Verdict, VerdictConfig, join_crops, no_verdict
-from taxel.errors import BadBundle, BadSource
+from taxel.errors import BadSource
 from taxel.frame_codec import decode_frame
 from taxel.live.camera_health import CameraHealth
 from taxel.plain_text import number_of
 from taxel.signals import CameraInfo, Frame, Mark
-from taxel.windows.camera_trials import CameraTrial
 from taxel.windows.pairs import FrameSet, within
 from taxel.windows.trial_crops import PLACES, Scene, look_at, row_of
-from taxel.windows.trial_stretch import Changes, changes_of, part_of
+from taxel.windows.trial_stretch import Changes, part_of
 
 MOST_FRAMES = 9000
 """Moments of a trial that are kept, as JPEG: five minutes at 30 a second, some 200 MB a camera. The
@@ -251,19 +249,6 @@ def verdict_config(bundle: TrialBundle, least_confidence: float = 0.5) -> Verdic
     )
 
 
-def check_trials(contract: TrialContract, trials: Sequence[CameraTrial]) -> None:
-    """Refuse trials of other cameras than a bundle was made for, before the first is looked at.
-
-    Raises:
-        BadBundle: There is one; it is named.
-    """
-    for trial in trials:
-        try:
-            contract.check([(trial.width, trial.height)] * len(trial.cameras), [trial.rate_hz])
-        except BadBundle as error:
-            raise BadBundle(error.needed, f"{error.got} in {trial.name}", error.mend) from error
-
-
 def predict_crop(
     bundle: TrialBundle, images: Sequence[Sequence[NDArray[np.uint8]]]
 ) -> tuple[NDArray[np.float64], float]:
@@ -280,40 +265,3 @@ def predict_crop(
     rows = np.concatenate([row[name] for name in contract.views])[None]
     probabilities, novelty = bundle.predict(rows)
     return probabilities[0], float(novelty[0])
-
-
-def _changes(trial: CameraTrial, step: int) -> list[tuple[float, float, float]]:
-    return changes_of(trial.moments(), step)
-
-
-def predict_trials(
-    bundle: TrialBundle, trials: Sequence[CameraTrial], least_confidence: float = 0.5
-) -> Iterator[Verdict]:
-    """Yield the verdict on each whole trial; UNKNOWN for one shorter than a crop.
-
-    Args:
-        bundle: What is recognised.
-        trials: Read one after another.
-        least_confidence: Below this probability the verdict is UNKNOWN, 0…1.
-
-    Raises:
-        BadBundle: The bundle was not made for such cameras.
-        BadTable: A video cannot be read.
-    """
-    contract, config = bundle.contract, verdict_config(bundle, least_confidence)
-    check_trials(contract, trials)
-    for trial in trials:
-        if trial.frames < contract.layout.span:
-            count = f"{trial.frames} frame{'s' * (trial.frames != 1)}"
-            yield no_verdict(contract.classes, f"{count}, fewer than a crop")
-            continue
-        changes = partial(_changes, trial, contract.layout.step)
-        part = part_of(contract.layout, trial.frames, changes)
-        starts = contract.layout.starts(part)
-        # map lets go of each crop before the next is read
-        crops = trial.crops(starts, contract.layout.span, contract.layout.step)
-        answers = list(map(partial(predict_crop, bundle), crops))
-        yield join_crops(
-            np.stack([own for own, _ in answers]), np.array([score for _, score in answers]),
-            contract.classes, config,
-        )  # fmt: skip

@@ -344,7 +344,7 @@ def test_a_label_that_is_missing_or_of_one_class_is_refused(tmp_path: Path) -> N
 
 def test_unknown_is_said_of_a_trial_shorter_than_a_crop(tmp_path: Path) -> None:
     from taxel.bundles.trials import read_trial_bundle
-    from taxel.live.trial_watch import predict_trials
+    from taxel.live.whole_trials import predict_trials
 
     table = write_trials(tmp_path / "a", objects=2, each=2, frames=10)
     options = TrialOptions(fold_count=2, cache=tmp_path / "cache")

@@ -32,7 +32,8 @@ from taxel.errors import BadBundle
 from taxel.evaluation.camera_trials.final import kept_views
 from taxel.evaluation.camera_trials.trial_set import Sight, TrialSet, load_trial_set
 from taxel.foreign.archives import read_members
-from taxel.live.trial_watch import predict_trials, verdict_config
+from taxel.live.trial_watch import verdict_config
+from taxel.live.whole_trials import predict_trials
 from taxel.models.backbones.efficientnet_lite import EfficientNetLite
 from taxel.models.onnx_session import open_session
 from taxel.models.stage_looks import NETWORK, StageLooks, export_stage_looks

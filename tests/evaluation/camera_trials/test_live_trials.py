@@ -30,7 +30,7 @@ from taxel.evaluation.camera_trials.learned_trials import trained_on
 from taxel.frame_codec import decode_frame
 from taxel.live.frame_loop import moments_and_marks
 from taxel.live.trial_replay import TrialReplay
-from taxel.live.trial_watch import predict_trials
+from taxel.live.whole_trials import predict_trials
 from taxel.recordings.imports.video_rows import read_video_rows
 from taxel.recordings.imports.videos import import_videos
 from taxel.recordings.manifest import Manifest

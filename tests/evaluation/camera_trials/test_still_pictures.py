@@ -16,7 +16,7 @@ from taxel.evaluation.camera_trials.crossval import judge_trials
 from taxel.evaluation.camera_trials.final import fit_final
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import Sight, load_trial_set
-from taxel.live.trial_watch import predict_trials
+from taxel.live.whole_trials import predict_trials
 from taxel.training.camera_trials.blend import fit_blend
 from taxel.training.camera_trials.members import MEMBERS, extra
 from taxel.training.camera_trials.novelty import Novelty, novelty_columns

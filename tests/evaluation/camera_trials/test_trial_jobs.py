@@ -13,14 +13,17 @@ import pytest
 from trial_makers import as_avi, as_folder, few_small_members, write_trials
 
 import taxel.training.camera_trials.blend as blending
+from taxel.bundles.trials import IN_RUN, read_trial_bundle
 from taxel.cli.evaluation.evaluate_trials import EvaluateTrials
 from taxel.cli.main import main
 from taxel.cli.options.trials import TrialOptions
 from taxel.cli.options.work import WorkOptions
+from taxel.cli.training.train_trials import TrainTrials
 from taxel.errors import BadInput
 from taxel.jobs.call import Call, JobResult, perform
 from taxel.jobs.local import LocalEngine
 from taxel.jobs.running import use_engine
+from taxel.live.whole_trials import predict_side_by_side
 from taxel.training.camera_trials.features import TrialRows, all_moves, trial_rows
 from taxel.training.camera_trials.image_network import find_image_network
 from taxel.training.camera_trials.members import extra, forest, learned
@@ -180,7 +183,8 @@ def test_the_command_prints_the_same_whatever_the_number_of_workers(
     said = []
     for workers in (1, 2):
         options = TrialOptions(
-            cache=tmp_path / f"kept-{workers}", split="group:object", fold_count=2, network=False, crop=8,
+            cache=tmp_path / f"kept-{workers}", split="group:object", fold_count=2, crop=8,
+            network=False,
             work=WorkOptions(workers=workers),
         )  # fmt: skip
         EvaluateTrials(trials=table, json=True, options=options).run()
@@ -192,6 +196,31 @@ def test_the_command_prints_the_same_whatever_the_number_of_workers(
     ]
     assert names[0] == names[1]
     assert len(names[0]) > 0
+
+
+@pytest.mark.slow
+def test_a_bundle_is_scored_alike_by_workers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its file is named to them, and a trial that is too short has its place."""
+    few_small_members(monkeypatch)
+    monkeypatch.setattr(blending, "MEMBERS", blending.MEMBERS[:2])
+    table = write_trials(tmp_path / "a", objects=4, each=2, frames=14, shorter=2)
+    options = TrialOptions(cache=tmp_path / "kept", crop=8, network=False)
+    TrainTrials(trials=table, output=tmp_path / "run", options=options, check=False).run()
+    short = write_trials(tmp_path / "b", objects=1, each=1, frames=7)
+    trials = [*read_camera_trials(short), *read_camera_trials(table)]
+    file = tmp_path / "run" / IN_RUN
+    bundle, seen = read_trial_bundle(file), list[tuple[int, int]]()
+    here = predict_side_by_side(bundle, file, trials)
+    with use_engine(Posted()) as posted:
+        there = predict_side_by_side(bundle, file, trials, lambda *at: seen.append(at))
+    assert len(posted.done) == len(here) == len(there) == 9
+    assert seen == [(n, 9) for n in range(1, 10)]
+    assert here[0].reason == there[0].reason == "7 frames, fewer than a crop"
+    for own, other in zip(here, there, strict=True):
+        assert own.label == other.label
+        np.testing.assert_array_equal(own.probabilities, other.probabilities)
 
 
 @pytest.mark.slow

@@ -56,8 +56,6 @@ class EvaluateTrials:
                 "network",
                 "cache",
                 "seed",
-                "workers",
-                "run-on",
             ),
             "trials without a bundle (it is scored as it is)",
             lambda verb: verb.data is None,
@@ -110,7 +108,7 @@ class EvaluateTrials:
     def _score_bundle(self) -> None:
         from taxel.bundles.trials import read_trial_bundle
         from taxel.evaluation.camera_trials.learned_trials import trained_on
-        from taxel.live.trial_watch import predict_trials
+        from taxel.live.whole_trials import predict_side_by_side
         from taxel.views.tables.trained_on import trained_on_line
         from taxel.views.tables.trial_notes import frames_note
         from taxel.views.tables.trials import not_scored_line, unknown_line
@@ -119,12 +117,9 @@ class EvaluateTrials:
             raise BadInput("trials to score the bundle on", "none", "name them behind the bundle")
         bundle = read_trial_bundle(self.trials)
         trials, table = _scored_trials(self.data, self.options.folds)
-        verdicts = []
-        with progress() as bar:
-            work = LongWork(bar)
-            for verdict in predict_trials(bundle, trials):
-                verdicts.append(verdict)
-                work.at("trials", len(verdicts), len(trials))
+        with self.options.work.open(), progress() as bar:
+            at = partial(LongWork(bar).at, "trials")
+            verdicts = predict_side_by_side(bundle, self.trials, trials, at)
         warning = trained_on_line(
             trained_on(bundle.contract, trials), "trials", known=bool(bundle.contract.learned)
         )

@@ -167,7 +167,7 @@ def _trials(source: str, contract: TrialContract) -> list[tuple[str, Callable[[]
         BadBundle: A table's trial is of other cameras than the bundle's.
     """
     from taxel.live.trial_replay import TrialReplay
-    from taxel.live.trial_watch import check_trials
+    from taxel.live.whole_trials import check_trials
     from taxel.sources.opening import open_source, recordings_of, replayed_files
     from taxel.windows.camera_trials import read_camera_trials
 
