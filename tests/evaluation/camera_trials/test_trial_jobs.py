@@ -180,7 +180,7 @@ def test_the_command_prints_the_same_whatever_the_number_of_workers(
     few_small_members(monkeypatch)
     monkeypatch.setattr(blending, "MEMBERS", blending.MEMBERS[:2])
     table = write_trials(tmp_path, write=as_avi, objects=4, each=2, frames=14, shorter=2)
-    said = []
+    printed = []
     for workers in (1, 2):
         options = TrialOptions(
             cache=tmp_path / f"kept-{workers}", split="group:object", fold_count=2, crop=8,
@@ -188,8 +188,8 @@ def test_the_command_prints_the_same_whatever_the_number_of_workers(
             work=WorkOptions(workers=workers),
         )  # fmt: skip
         EvaluateTrials(trials=table, json=True, options=options).run()
-        said.append(json.loads(capsys.readouterr().out))
-    assert said[0] == said[1]
+        printed.append(json.loads(capsys.readouterr().out))
+    assert printed[0] == printed[1]
     names = [
         sorted(str(file.relative_to(kept)) for file in kept.rglob("*.npy"))
         for kept in (tmp_path / "kept-1", tmp_path / "kept-2")
