@@ -61,6 +61,11 @@ def usual_workers() -> int:
         if not given.isdecimal() or not 1 <= int(given) <= MOST_WORKERS:
             raise BadInput(f"1 to {MOST_WORKERS} in ${WORKERS_VARIABLE}", given, "set another")
         return int(given)
+    return cores_here()
+
+
+def cores_here() -> int:
+    """Return how many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

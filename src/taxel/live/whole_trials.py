@@ -8,12 +8,14 @@ Background of our choices: docs/decisions/0041.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 
 from taxel.bundles.trials import TrialBundle, TrialContract, read_trial_bundle
+from taxel.bundles.versions import digest_of
 from taxel.decisions.trial_verdict import Verdict, VerdictConfig, join_crops, no_verdict
 from taxel.errors import BadBundle
 from taxel.jobs.running import as_done, shared_out
@@ -24,7 +26,7 @@ from taxel.windows.trial_stretch import changes_of, part_of
 
 def predict_side_by_side(
     bundle: TrialBundle,
-    file: Path,
+    file: tuple[Path, str],
     trials: Sequence[CameraTrial],
     on_trial: Callable[[int, int], None] = lambda done, of: None,
 ) -> list[Verdict]:
@@ -32,12 +34,12 @@ def predict_side_by_side(
 
     Args:
         bundle: What is recognised.
-        file: Where it lies, for other processes.
+        file: Where it lies, for other processes, and the file's SHA-256, hexadecimal.
         trials: Each is read once.
         on_trial: Called with trials done and in all.
 
     Raises:
-        BadBundle: The bundle was not made for such cameras.
+        BadBundle: The bundle was not made for such cameras, or is another by now.
         BadTable: A video cannot be read.
     """
     if not shared_out():
@@ -47,7 +49,8 @@ def predict_side_by_side(
             on_trial(len(found), len(trials))
         return found
     check_trials(bundle.contract, trials)
-    jobs = [(file.absolute(), trial) for trial in trials]
+    path, digest = file
+    jobs = [(path.absolute(), digest, replace(trial, slip_um=None)) for trial in trials]
     verdicts: dict[int, Verdict] = {}
     for number, verdict in as_done(_predict, jobs, names=[trial.name for trial in trials]):
         verdicts[number] = verdict
@@ -55,13 +58,16 @@ def predict_side_by_side(
     return [verdicts[number] for number in range(len(trials))]
 
 
-def _predict(file: Path, trial: CameraTrial) -> Verdict:
+def _predict(file: Path, digest: str, trial: CameraTrial) -> Verdict:
     """Return the verdict on one trial; a job for any worker."""
-    return next(predict_trials(_opened(file), [trial]))
+    return next(predict_trials(_opened(file, digest), [trial]))
 
 
 @lru_cache(maxsize=1)
-def _opened(file: Path) -> TrialBundle:
+def _opened(file: Path, digest: str) -> TrialBundle:
+    if digest_of(file) != digest:
+        raise BadBundle(f"the bundle {file} as it was when the command began", "another",
+                        "run it again once the file no longer changes")  # fmt: skip
     return read_trial_bundle(file)
 
 

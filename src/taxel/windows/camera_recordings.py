@@ -221,13 +221,20 @@ def camera_images(pour: CameraRecording, camera: int) -> Iterator[NDArray[np.uin
 
     Equal images in a row are decoded once.
     """
+    return images_in(pour.path, pour.cameras, camera)
+
+
+def images_in(
+    path: Path, cameras: Sequence[CameraInfo], camera: int
+) -> Iterator[NDArray[np.uint8]]:
+    """Yield what `camera_images` does, of a recording's file and what its cameras are."""
     from taxel.frame_codec import decode_jpeg
 
     last: tuple[bytes, NDArray[np.uint8]] | None = None
-    for found in frame_sets(pour.path, len(pour.cameras)):
+    for found in frame_sets(path, len(cameras)):
         jpeg = found.frames[camera].jpeg
         if last is None or last[0] != jpeg:
-            last = (jpeg, decode_jpeg(jpeg, pour.cameras[camera]))
+            last = (jpeg, decode_jpeg(jpeg, cameras[camera]))
         yield last[1]
 
 

@@ -7,11 +7,12 @@ images or single ones, which are read where they lie. Knows nothing about crops,
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,18 +25,32 @@ from taxel.recordings.imports.value_tables.table_columns import read_cells
 from taxel.recordings.imports.video_rows import VideoRow, names_videos, read_video_rows
 from taxel.recordings.imports.videos import QUALITY, same_length, same_rate
 from taxel.recordings.reader import list_recordings, read_manifest
+from taxel.signals import CameraInfo
 from taxel.sim.pour.state import has_truth
 from taxel.windows.camera_recordings import (
     CameraRecording,
     Stretch,
-    camera_images,
     image_size,
+    images_in,
+    read_camera_recording,
     read_camera_recordings,
 )
 
 Image = NDArray[np.uint8]
 TABLES = (".csv", ".tsv")
 """Endings of a table of trials."""
+
+
+class Reader(Protocol):
+    """Reads a trial's images, in any process that sees the same disk."""
+
+    def __call__(self, camera: int) -> Iterator[Image]:
+        """Yield a camera's images in order, shape (height, width, 3), red first."""
+        ...
+
+    def digest(self) -> str:
+        """Return `CameraTrial.digest` of what lies on the disk now."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,9 +73,8 @@ class CameraTrial:
     """SHA-256 over all images, hexadecimal."""
     recorded: bool
     """True where the images are a recording's own, which `digest` is over; False for files."""
-    read: Callable[[int], Iterator[Image]]
-    """Camera's number → its images in order, shape (height, width, 3), red first. It can be sent to
-    another process."""
+    read: Reader
+    """Its images."""
     slip_um: NDArray[np.float32] | None = None
     """Shape (frames,): how far the object has slipped, where a simulator says it."""
 
@@ -132,17 +146,31 @@ class _Files:
         with closing(open_footage(self.files[camera])) as footage:
             yield from footage.frames()
 
+    def digest(self) -> str:
+        """Return the SHA-256 over all files, hexadecimal, as they are now."""
+        each = []
+        for file in self.files:
+            with closing(open_footage(file)) as footage:
+                each.append(footage.digest())
+        return _together(each)
+
 
 @dataclass(frozen=True, slots=True)
 class _Recorded:
     """Reads images from some successive sets of frames of a recording."""
 
-    pour: CameraRecording
+    path: Path
+    """Absolute."""
+    cameras: tuple[CameraInfo, ...]
     first: int
     behind: int
 
     def __call__(self, camera: int) -> Iterator[Image]:
-        return islice(camera_images(self.pour, camera), self.first, self.behind)
+        return islice(images_in(self.path, self.cameras, camera), self.first, self.behind)
+
+    def digest(self) -> str:
+        """Return the SHA-256 over the images, hexadecimal, as they are now."""
+        return _of_pour(read_camera_recording(self.path, least=1)).digest
 
 
 def are_camera_trials(path: Path) -> bool:
@@ -230,7 +258,6 @@ def _of_row(row: VideoRow) -> CameraTrial:
                     f"{video.width}×{video.height}",
                     "scale them to one size",
                 )
-        together = "".join(video.digest() for video in videos.values())
         return CameraTrial(
             name=row.name,
             labels=row.labels,
@@ -241,13 +268,17 @@ def _of_row(row: VideoRow) -> CameraTrial:
             height=first.height,
             rate_hz=row.rate_hz or same_rate(row.name, videos),
             mm_per_px=row.mm_per_px,
-            digest=hashlib.sha256(together.encode()).hexdigest(),
+            digest=_together([video.digest() for video in videos.values()]),
             recorded=False,
             read=_Files(tuple(file.absolute() for file in row.files.values())),
         )
     finally:
         for video in videos.values():
             video.close()
+
+
+def _together(digests: Sequence[str]) -> str:
+    return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
 def _of_pour(pour: CameraRecording) -> CameraTrial:
@@ -280,6 +311,6 @@ def _of_pour(pour: CameraRecording) -> CameraTrial:
         mm_per_px=camera.mm_per_px,
         digest=cut.digest,
         recorded=True,
-        read=_Recorded(replace(pour, path=pour.path.absolute()), cut.first, behind),
+        read=_Recorded(pour.path.absolute(), pour.cameras, cut.first, behind),
         slip_um=slip_um,
     )

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from taxel.gel.slip_signal import TREND_FEATURES, GelSlip
 from taxel.gel.touch_poses import TouchFollower
+from taxel.windows import trial_miniature as miniature
 from taxel.windows import trial_network as network
 from taxel.windows import trial_picture as picture
 from taxel.windows.touch_view import FEATURES as TOUCH_FEATURES
@@ -347,14 +348,18 @@ FAMILIES: Final[dict[str, Family]] = {
                     TOUCH_VERSION),
     "picture": Family(picture.COLUMNS, lambda scene: picture.look_at_picture(scene.images),
                       picture.sum_up_picture, picture.VERSION),
+    "miniature": Family(miniature.COLUMNS,
+                        lambda scene: miniature.look_at_miniatures(scene.images),
+                        miniature.sum_up_miniatures, miniature.VERSION),
     "network": Family(network.FEATURES,
                       lambda scene: network.look_through_network(scene.images, scene.network),
                       network.as_it_is, network.VERSION),
 }  # fmt: skip
 """Name → what is looked at: grey differences and flow, the slip signal, how first, middle and last
 frame look, where object and gel went; touch, only where asked for, is the touch encoder; picture is
-a coarse grid of colour and its spread; network, only where one is at hand, is an image network."""
-USUAL: Final = ("pixels", "slip", "stills", "picture")
+a coarse grid of colour and its spread, miniature the frames in 32×32 pixels; network, only where
+one is at hand, is an image network."""
+USUAL: Final = ("pixels", "slip", "stills", "picture", "miniature")
 """The families that every recogniser learns from."""
 MOVEMENT: Final = ("pixels", "slip", "moves")
 """The families that see how a crop differs from its own first frames, and nothing else."""

@@ -21,7 +21,7 @@ from taxel.windows.trial_crops import LEAST_CROP
 from taxel.windows.trial_network import IMAGES
 
 Image = NDArray[np.uint8]
-SHIFTED: Final = ("stills", "picture")
+SHIFTED: Final = ("stills", "picture", "miniature")
 """Views of whose copies models learn. What moves is seen relative to a crop's first frames, and
 hardly changes with the camera's place."""
 WHOLE: Final = ("touch", "network")

@@ -74,13 +74,26 @@ def test_test_trials_of_their_own_without_a_class_give_a_run_and_a_report(
 
 
 def test_the_kind_of_members_that_predicts_better_is_preferred_the_more_groups_say_so() -> None:
-    """Within a kind priors stay as they are, whoever of it was right."""
+    """Not beyond thirty: those to come may be of another session."""
     y = np.arange(40) % 2
     good, blind = np.where(y[:, None] == [0, 1], 0.9, 0.1), np.full((40, 2), 0.5)
     held = np.stack([good, blind, blind, good], axis=1)
     prior, look = np.array([2.0, 1.0, 1.0, 0.0]), np.array([False, False, True, True])
     few, many = (trusted(held, y, groups, prior, look) for groups in (3, 30))
     for found in (few, many):
-        assert found[0] == pytest.approx(2 * found[1])
         assert found[3] == 0.0
-    assert many[2] / many[1] < few[2] / few[1] < 3.0
+    assert many[2] / many[:2].sum() < few[2] / few[:2].sum() < 1.0
+    alone = [trusted(held[:, :2], y, groups, prior[:2], np.array([0, 1])) for groups in (30, 300)]
+    np.testing.assert_allclose(alone[0], alone[1])
+
+
+def test_the_better_member_of_a_kind_is_preferred_ten_times_less_than_a_kind() -> None:
+    """A tenth of an observation a group: of ten groups members keep about their priors."""
+    y = np.arange(40) % 2
+    good, blind = np.where(y[:, None] == [0, 1], 0.9, 0.1), np.full((40, 2), 0.5)
+    held, prior = np.stack([good, blind], axis=1), np.array([1.0, 2.0])
+    ahead = np.log(0.9 / 0.5)
+    for groups in (1, 10, 200):
+        found = trusted(held, y, groups, prior, np.array(["look", "look"]))
+        assert found[0] / found[1] == pytest.approx(0.5 * np.exp(0.1 * groups * ahead), rel=1e-6)
+        assert found.sum() == pytest.approx(1.0)

@@ -107,6 +107,7 @@ class EvaluateTrials:
 
     def _score_bundle(self) -> None:
         from taxel.bundles.trials import read_trial_bundle
+        from taxel.bundles.versions import digest_of
         from taxel.evaluation.camera_trials.learned_trials import trained_on
         from taxel.live.whole_trials import predict_side_by_side
         from taxel.views.tables.trained_on import trained_on_line
@@ -115,11 +116,12 @@ class EvaluateTrials:
 
         if self.data is None:
             raise BadInput("trials to score the bundle on", "none", "name them behind the bundle")
+        digest = digest_of(self.trials)
         bundle = read_trial_bundle(self.trials)
         trials, table = _scored_trials(self.data, self.options.folds)
         with self.options.work.open(), progress() as bar:
             at = partial(LongWork(bar).at, "trials")
-            verdicts = predict_side_by_side(bundle, self.trials, trials, at)
+            verdicts = predict_side_by_side(bundle, (self.trials, digest), trials, at)
         warning = trained_on_line(
             trained_on(bundle.contract, trials), "trials", known=bool(bundle.contract.learned)
         )

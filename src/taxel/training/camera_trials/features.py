@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.errors import BadDataset
 from taxel.jobs.running import as_done, shared_out
 from taxel.training.camera_trials.image_network import stored_network
 from taxel.training.camera_trials.learning import Crops, Moved
@@ -150,7 +151,7 @@ def _fill(
     if missing and cuts.network is not None and "network" in families:
         cuts = replace(cuts, network=stored_network(cuts.network, cache))
     kept, where = len(trials) - len(missing), cache.absolute()
-    jobs = [(trial, cuts, tuple(families), where) for trial in missing]
+    jobs = [(replace(trial, slip_um=None), cuts, tuple(families), where) for trial in missing]
     names = [trial.name for trial in missing]
     for done, (number, _) in enumerate(as_done(_leave, jobs, names=names), start=1):
         if not is_kept(missing[number], cuts, families, cache):
@@ -160,7 +161,15 @@ def _fill(
 
 
 def _leave(trial: CameraTrial, cuts: Cuts, families: Sequence[str], cache: Path) -> None:
-    """Leave what a trial's crops show in the cache; a job for any worker."""
+    """Leave what a trial's crops show in the cache; a job for any worker.
+
+    Raises:
+        BadDataset: The worker has other images of that name.
+    """
+    if trial.read.digest() != trial.digest:
+        raise BadDataset(f"the images of {trial.name} as they were when the command began",
+                         "others", "run it again once they no longer change; workers on other "
+                         "machines need the same files under the same path")  # fmt: skip
     look_at_trial(trial, cuts, families, cache)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.bundles.engine import Engine, open_engine
-from taxel.recordings.whole import write_whole
+from taxel.training.frames.features import save_bytes
 
 if TYPE_CHECKING:
     from taxel.models.weights import Weights
@@ -98,7 +98,7 @@ def stored_network(network: AnyNetwork, cache: Path) -> AnyNetwork:
         return network
     file = cache.absolute() / "networks" / f"{network.key}.onnx"
     if not file.exists() or file.read_bytes() != network.model:
-        write_whole(file, network.model)
+        save_bytes(file, network.model)
     return StoredNetwork(file, network.key)
 
 

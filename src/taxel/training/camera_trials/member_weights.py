@@ -19,6 +19,11 @@ members of a kind badly. Source: our choice, decision 41."""
 TRUST: Final = 1.0
 """Observations that a held-out group is worth where its trials part the kinds of members. Source:
 our choice, decision 41."""
+WITHIN: Final = 0.1
+"""The same where they part the members of a kind. Source: our choice, decision 41."""
+MOST_GROUPS: Final = 30
+"""Groups that count where kinds are parted: however many trials there are, those to come may be of
+another session. Source: our choice, decision 41."""
 EQUAL_GROUPS, LEAST_EQUAL = 2.0, 0.25
 """How much equal weights of a trial's crops count beside the trials, as a multiple of their number:
 so many, divided by the number of groups, and at least so much. Source: our choice, decision 41."""
@@ -85,8 +90,9 @@ def trusted(
     """Return priors of which each kind of members has the share that its predictions deserve.
 
     The kinds' means are compared as models are by their likelihoods on trials held out. Trials
-    of a group are alike: each group counts as `TRUST` observations, whatever its trials' number. A
-    mean's log-loss is taken at its own best sharpness.
+    of a group are alike: each group counts as `TRUST` observations, whatever its trials' number, up
+    to `MOST_GROUPS` groups. A mean's log-loss is taken at its own best sharpness. Within a kind,
+    members are compared in the same way, a group for `WITHIN` observations.
 
     Args:
         held: Shape (trials, members, classes).
@@ -99,7 +105,10 @@ def trusted(
         Pseudo-Bayesian model averaging, Yao et al., Bayesian Analysis 13(3), 2018, with groups in
         place of trials; docs/decisions/0041.
     """
-    shares = [np.where(kinds == kind, prior, 0.0) for kind in np.unique(kinds)]
+    own = np.array([log_loss(held[:, member], y) for member in range(held.shape[1])])
+    least = np.array([own[kinds == kind].min() for kind in kinds])
+    inside = prior * np.exp(-WITHIN * groups * (own - least))
+    shares = [np.where(kinds == kind, inside, 0.0) for kind in np.unique(kinds)]
     shares = [share / share.sum() for share in shares if share.any()]
     if not shares:
         return prior
@@ -108,7 +117,9 @@ def trusted(
         mean = np.asarray(np.einsum("tmc,m->tc", held, share), np.float64)
         losses.append(log_loss(sharpened(mean, sharpen(mean, y)), y))
     behind = np.array(losses) - min(losses)
-    return np.asarray(np.exp(-TRUST * groups * behind) @ np.stack(shares), np.float64)
+    return np.asarray(
+        np.exp(-TRUST * min(groups, MOST_GROUPS) * behind) @ np.stack(shares), np.float64
+    )
 
 
 def sharpen(probabilities: NDArray[np.float64], y: NDArray[np.intp]) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
 
-from taxel.jobs.running import usual_workers, width
+from taxel.jobs.running import cores_here, width
 from taxel.training.camera_trials.rank_sums import Logistic, Steady
 from taxel.windows.trial_crops import CHANGES, numbers_of
 
@@ -56,14 +56,15 @@ class TrialMember:
     @property
     def kind(self) -> str:
         """What it sees: movement only, coarse changes of stills only, one of the plain picture, the
-        network and the touch encoder only, or look, all else.
+        miniature, the network and the touch encoder only, or look, all else.
         """
         if set(self.views) <= {"pixels", "slip"}:
             return "movement"
         if self.views == {"stills": CHANGES}:
             return "changes"
         (first, *others) = self.views
-        return first if first in ("picture", "network", "touch") and not others else "look"
+        alone = ("picture", "miniature", "network", "touch")
+        return first if first in alone and not others else "look"
 
     def columns(self, cameras: int, widths: Mapping[str, int]) -> NDArray[np.intp]:
         """Return which columns of all views, side by side in their order, it sees."""
@@ -84,7 +85,7 @@ def learned(model: Any, rows: NDArray[np.float32], y: NDArray[np.intp]) -> Any:
     """
     if not isinstance(model, RandomForestClassifier | ExtraTreesClassifier):
         return model.fit(rows, y)
-    model.n_jobs = min(width(), usual_workers())
+    model.n_jobs = min(width(), cores_here())
     model.fit(rows, y)
     model.n_jobs = 1
     return model
@@ -141,6 +142,13 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
     ),
     TrialMember(
         name="discriminant on the picture", views={"picture": ()},
+        make=lambda seed, trees, width: Steady(0.5), shifted=True,
+    ),
+    TrialMember(
+        name="extra-trees on the miniature", views={"miniature": ()}, make=extra, shifted=True
+    ),
+    TrialMember(
+        name="discriminant on the miniature", views={"miniature": ()},
         make=lambda seed, trees, width: Steady(0.5), shifted=True,
     ),
     TrialMember(

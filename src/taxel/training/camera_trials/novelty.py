@@ -28,7 +28,7 @@ NEAREST: Final = 5
 NARROWEST: Final = 1e-3
 """Share of the widest direction's spread below which crops hardly differ along one: scaled to 1,
 rounding errors alone would be seen there. Source: our choice, docs/decisions/0041."""
-UNSEEN: Final = ("picture", "network")
+UNSEEN: Final = ("picture", "miniature", "network")
 """Views that are not looked at: their many columns would outweigh all others. Source: our
 choice, docs/decisions/0041."""
 

@@ -249,10 +249,26 @@ def save_kept(path: Path, values: NDArray[np.float32]) -> None:
     Raises:
         RecordingFailed: The disk refused.
     """
+    with _whole(path) as file:
+        np.save(_Stream(file), values, allow_pickle=False)
+
+
+def save_bytes(path: Path, data: bytes) -> None:
+    """Write another file of the cache, whole or not at all.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    with _whole(path) as file:
+        file.write(data)
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[BinaryIO]:
     with cache_room(path.parent), scratch_folder(path, _OTHER_CACHE) as scratch:
         temporary = scratch / MADE
         with temporary.open("wb") as file:
-            np.save(_Stream(file), values, allow_pickle=False)
+            yield file
         os.replace(temporary, path)
 
 

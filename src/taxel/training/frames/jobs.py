@@ -20,9 +20,15 @@ from numpy.typing import NDArray
 from taxel.bundles.engine import Engine, Precision, open_engine
 from taxel.errors import BadInput
 from taxel.jobs.running import as_done, shared_out
-from taxel.recordings.whole import write_whole
 from taxel.training.frames.extractors import BackboneEngine, BackboneExtractor
-from taxel.training.frames.features import Extractor, Progress, extract, kept_path, load_kept
+from taxel.training.frames.features import (
+    Extractor,
+    Progress,
+    extract,
+    kept_path,
+    load_kept,
+    save_bytes,
+)
 from taxel.windows.camera_recordings import CameraRecording, read_camera_recording
 
 
@@ -103,7 +109,7 @@ def portable(extractor: Extractor, cache: Path) -> Extractor:
         return extractor
     path = cache.absolute() / "backbones" / f"{extractor.key}.onnx"
     if not path.exists() or path.stat().st_size != len(extractor.model):
-        write_whole(path, extractor.model)
+        save_bytes(path, extractor.model)
     return StoredBackbone(
         path, extractor.run_by, extractor.key, extractor.features, places=extractor.places
     )
