@@ -349,15 +349,15 @@ FAMILIES: Final[dict[str, Family]] = {
     "picture": Family(picture.COLUMNS, lambda scene: picture.look_at_picture(scene.images),
                       picture.sum_up_picture, picture.VERSION),
     "miniature": Family(miniature.COLUMNS,
-                        lambda scene: miniature.look_at_miniatures(scene.images),
-                        miniature.sum_up_miniatures, miniature.VERSION),
+                        lambda scene: miniature.look_at_miniature(scene.images),
+                        miniature.as_it_is, miniature.VERSION),
     "network": Family(network.FEATURES,
                       lambda scene: network.look_through_network(scene.images, scene.network),
                       network.as_it_is, network.VERSION),
 }  # fmt: skip
 """Name → what is looked at: grey differences and flow, the slip signal, how first, middle and last
 frame look, where object and gel went; touch, only where asked for, is the touch encoder; picture is
-a coarse grid of colour and its spread, miniature the frames in 32×32 pixels; network, only where
+a coarse grid of colour and its spread, miniature the middle frame in 32×32 pixels; network, only where
 one is at hand, is an image network."""
 USUAL: Final = ("pixels", "slip", "stills", "picture", "miniature")
 """The families that every recogniser learns from."""
