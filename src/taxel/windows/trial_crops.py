@@ -357,8 +357,8 @@ FAMILIES: Final[dict[str, Family]] = {
 }  # fmt: skip
 """Name → what is looked at: grey differences and flow, the slip signal, how first, middle and last
 frame look, where object and gel went; touch, only where asked for, is the touch encoder; picture is
-a coarse grid of colour and its spread, miniature the middle frame in 32×32 pixels; network, only where
-one is at hand, is an image network."""
+a coarse grid of colour and its spread, miniature the middle frame in 32×32 pixels; network is an
+image network, only where one is at hand."""
 USUAL: Final = ("pixels", "slip", "stills", "picture", "miniature")
 """The families that every recogniser learns from."""
 MOVEMENT: Final = ("pixels", "slip", "moves")
