@@ -14,12 +14,13 @@ from trial_makers import as_avi, as_folder, few_small_members, write_trials
 
 import taxel.training.camera_trials.blend as blending
 from taxel.bundles.trials import IN_RUN, read_trial_bundle
+from taxel.bundles.versions import digest_of
 from taxel.cli.evaluation.evaluate_trials import EvaluateTrials
 from taxel.cli.main import main
 from taxel.cli.options.trials import TrialOptions
 from taxel.cli.options.work import WorkOptions
 from taxel.cli.training.train_trials import TrainTrials
-from taxel.errors import BadInput
+from taxel.errors import BadBundle, BadDataset, BadInput
 from taxel.jobs.call import Call, JobResult, perform
 from taxel.jobs.local import LocalEngine
 from taxel.jobs.running import use_engine
@@ -133,6 +134,26 @@ def test_a_worker_with_a_cache_of_its_own_is_named(tmp_path: Path) -> None:
         trial_rows(trials, Cuts(Layout(8, 3)), VIEWS, tmp_path / "kept")
 
 
+@pytest.mark.parametrize("imported", [False, True])
+def test_a_worker_refuses_images_that_are_not_those_of_the_command(
+    tmp_path: Path, imported: bool
+) -> None:
+    """Else the cache would keep what it saw as what the command asked for."""
+    table = write_trials(tmp_path / "a", objects=2, each=1, frames=12)
+    other = write_trials(tmp_path / "b", objects=2, each=1, frames=12, first=9)
+    if imported:
+        for given, to in ((table, "rec"), (other, "other")):
+            main(["import", str(given), "--output", str(tmp_path / to)])
+        trials = read_camera_trials(tmp_path / "rec")
+        changed = sorted((tmp_path / "other").glob("*.mcap"))[0]
+    else:
+        trials, changed = read_camera_trials(table), tmp_path / "b" / "t0c0.avi"
+    kept = (tmp_path / ("rec" if imported else "a")) / changed.name
+    kept.write_bytes(changed.read_bytes())
+    with use_engine(Posted()), pytest.raises(BadDataset, match="as they were when"):
+        trial_rows(trials, Cuts(Layout(8, 3)), VIEWS, tmp_path / "kept")
+
+
 def test_a_damaged_file_of_the_cache_is_computed_again(tmp_path: Path) -> None:
     trials, cuts = _trials(tmp_path / "a"), Cuts(Layout(8, 3))
     with use_engine(Posted()):
@@ -212,15 +233,18 @@ def test_a_bundle_is_scored_alike_by_workers(
     trials = [*read_camera_trials(short), *read_camera_trials(table)]
     file = tmp_path / "run" / IN_RUN
     bundle, seen = read_trial_bundle(file), list[tuple[int, int]]()
-    here = predict_side_by_side(bundle, file, trials)
+    named = file, digest_of(file)
+    here = predict_side_by_side(bundle, named, trials)
     with use_engine(Posted()) as posted:
-        there = predict_side_by_side(bundle, file, trials, lambda *at: seen.append(at))
+        there = predict_side_by_side(bundle, named, trials, lambda *at: seen.append(at))
     assert len(posted.done) == len(here) == len(there) == 9
     assert seen == [(n, 9) for n in range(1, 10)]
     assert here[0].reason == there[0].reason == "7 frames, fewer than a crop"
     for own, other in zip(here, there, strict=True):
         assert own.label == other.label
         np.testing.assert_array_equal(own.probabilities, other.probabilities)
+    with use_engine(Posted()), pytest.raises(BadBundle, match="as it was when the command began"):
+        predict_side_by_side(bundle, (file, "0" * 64), trials)
 
 
 @pytest.mark.slow
