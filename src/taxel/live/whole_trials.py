@@ -20,7 +20,7 @@ from taxel.decisions.trial_verdict import Verdict, VerdictConfig, join_crops, no
 from taxel.errors import BadBundle
 from taxel.jobs.running import as_done, shared_out
 from taxel.live.trial_watch import predict_crop, verdict_config
-from taxel.windows.camera_trials import CameraTrial
+from taxel.windows.camera_trials import CameraTrial, check_unchanged
 from taxel.windows.trial_stretch import changes_of, part_of
 
 
@@ -60,6 +60,7 @@ def predict_side_by_side(
 
 def _predict(file: Path, digest: str, trial: CameraTrial) -> Verdict:
     """Return the verdict on one trial; a job for any worker."""
+    check_unchanged(trial)
     return next(predict_trials(_opened(file, digest), [trial]))
 
 

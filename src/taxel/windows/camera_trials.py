@@ -135,6 +135,20 @@ class CameraTrial:
         return self.digest, whole.hexdigest()
 
 
+def check_unchanged(trial: CameraTrial) -> None:
+    """Refuse a trial that was sent here, where the disk holds other images than it was read from.
+
+    Raises:
+        BadDataset: It does.
+    """
+    if trial.read.digest() != trial.digest:
+        raise BadDataset(
+            f"the images of {trial.name} as they were when the command began", "others",
+            "run it again once they no longer change; workers on other machines need the same "
+            "files under the same path",
+        )  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
 class _Files:
     """Reads images from a file or folder of each camera."""

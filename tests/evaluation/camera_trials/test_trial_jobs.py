@@ -150,8 +150,11 @@ def test_a_worker_refuses_images_that_are_not_those_of_the_command(
         trials, changed = read_camera_trials(table), tmp_path / "b" / "t0c0.avi"
     kept = (tmp_path / ("rec" if imported else "a")) / changed.name
     kept.write_bytes(changed.read_bytes())
-    with use_engine(Posted()), pytest.raises(BadDataset, match="as they were when"):
-        trial_rows(trials, Cuts(Layout(8, 3)), VIEWS, tmp_path / "kept")
+    with use_engine(Posted()):
+        with pytest.raises(BadDataset, match="as they were when"):
+            trial_rows(trials, Cuts(Layout(8, 3)), VIEWS, tmp_path / "kept")
+        with pytest.raises(BadDataset, match="as they were when"):
+            all_moves(trials, Layout(8, 3, moving=True), tmp_path / "kept")
 
 
 def test_a_damaged_file_of_the_cache_is_computed_again(tmp_path: Path) -> None:

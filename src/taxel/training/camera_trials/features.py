@@ -14,13 +14,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadDataset
 from taxel.jobs.running import as_done, shared_out
 from taxel.training.camera_trials.image_network import stored_network
 from taxel.training.camera_trials.learning import Crops, Moved
 from taxel.training.camera_trials.one_trial import Cuts, is_kept, look_at_trial, moving_part
 from taxel.training.frames.jobs import other_disk
-from taxel.windows.camera_trials import CameraTrial
+from taxel.windows.camera_trials import CameraTrial, check_unchanged
 from taxel.windows.trial_crops import row_of, rows_alone
 from taxel.windows.trial_layout import Layout
 
@@ -72,6 +71,7 @@ def trial_rows(
         RecordingFailed: The disk refused.
         BadTable: A video cannot be read.
         BadInput: A worker has another cache.
+        BadDataset: A worker has other images.
     """
     shown: dict[str, list[NDArray[np.float32]]] = {name: [] for name in families}
     filled = _fill(trials, cuts, families, cache, on_trial)
@@ -161,16 +161,15 @@ def _fill(
 
 
 def _leave(trial: CameraTrial, cuts: Cuts, families: Sequence[str], cache: Path) -> None:
-    """Leave what a trial's crops show in the cache; a job for any worker.
-
-    Raises:
-        BadDataset: The worker has other images of that name.
-    """
-    if trial.read.digest() != trial.digest:
-        raise BadDataset(f"the images of {trial.name} as they were when the command began",
-                         "others", "run it again once they no longer change; workers on other "
-                         "machines need the same files under the same path")  # fmt: skip
+    """Leave what a trial's crops show in the cache; a job for any worker."""
+    check_unchanged(trial)
     look_at_trial(trial, cuts, families, cache)
+
+
+def _moving_part(trial: CameraTrial, layout: Layout, cache: Path) -> range:
+    """Return what `moving_part` does; a job for any worker."""
+    check_unchanged(trial)
+    return moving_part(trial, layout, cache)
 
 
 def all_moves(
@@ -193,8 +192,9 @@ def all_moves(
     """
     if layout.step > 1:
         return False
-    jobs = [(trial, layout, cache.absolute()) for trial in trials]
-    looked = as_done(moving_part, jobs, None if shared_out() else 1, [own.name for own in trials])
+    shared, names = shared_out(), [trial.name for trial in trials]
+    jobs = [(replace(trial, slip_um=None), layout, cache.absolute()) for trial in trials]
+    looked = as_done(_moving_part if shared else moving_part, jobs, None if shared else 1, names)
     with closing(looked):  # those that have not begun need not be looked at
         for done, (number, part) in enumerate(looked, start=1):
             if len(part) < trials[number].frames:
