@@ -350,7 +350,7 @@ FAMILIES: Final[dict[str, Family]] = {
                       picture.sum_up_picture, picture.VERSION),
     "miniature": Family(miniature.COLUMNS,
                         lambda scene: miniature.look_at_miniature(scene.images),
-                        miniature.as_it_is, miniature.VERSION),
+                        network.as_it_is, miniature.VERSION),
     "network": Family(network.FEATURES,
                       lambda scene: network.look_through_network(scene.images, scene.network),
                       network.as_it_is, network.VERSION),

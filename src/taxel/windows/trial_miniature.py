@@ -32,12 +32,3 @@ def look_at_miniature(images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32
     middle = images[(len(images) - 1) // 2].astype(np.float32)
     small = cv2.resize(middle, (SIDE, SIDE), interpolation=cv2.INTER_AREA)
     return np.asarray(small.reshape(1, COLUMNS), np.float32)
-
-
-def as_it_is(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return what was seen, shape (cameras, columns).
-
-    Args:
-        values: Shape (1, cameras, columns).
-    """
-    return np.asarray(values[0], np.float32)

@@ -51,10 +51,10 @@ def look_through_network(images: Sequence[Image], network: Network | None) -> ND
 
 
 def as_it_is(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return what was seen, shape (cameras, 3120).
+    """Return what was seen, shape (cameras, columns).
 
     Args:
-        values: Shape (1, cameras, 3120).
+        values: Shape (1, cameras, columns).
     """
     return np.asarray(values[0], np.float32)
 
