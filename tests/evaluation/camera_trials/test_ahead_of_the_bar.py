@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -97,3 +98,36 @@ def test_the_better_member_of_a_kind_is_preferred_ten_times_less_than_a_kind() -
         found = trusted(held, y, groups, prior, np.array(["look", "look"]))
         assert found[0] / found[1] == pytest.approx(0.5 * np.exp(0.1 * groups * ahead), rel=1e-6)
         assert found.sum() == pytest.approx(1.0)
+
+
+def test_a_kind_that_counts_half_before_any_trial_has_half_of_what_it_would_have() -> None:
+    y = np.arange(40) % 2
+    good, blind = np.where(y[:, None] == [0, 1], 0.9, 0.1), np.full((40, 2), 0.5)
+    held, prior = np.stack([good, blind, blind], axis=1), np.ones(3)
+    kinds = np.array(["miniature", "look", "look"])
+    whole = trusted(held, y, 10, prior, kinds)
+    half = trusted(held, y, 10, prior, kinds, np.array([0.5, 1.0, 1.0]))
+    np.testing.assert_allclose(half, [0.5 * whole[0], *whole[1:]])
+
+
+@pytest.mark.parametrize(("frames", "part"), [(1, 1.0), (10, 0.5)])
+def test_the_miniature_counts_half_where_images_change_within_a_crop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, frames: int, part: float
+) -> None:
+    """A crop of a single image shows no more than its miniature does."""
+    seen: list[dict[str, float]] = []
+
+    def watched(*args: Any) -> Any:
+        seen.append(dict(zip(args[4].tolist(), args[5].tolist(), strict=True)))
+        return trusted(*args)
+
+    monkeypatch.setattr(blending, "trusted", watched)
+    monkeypatch.setattr(blending, "TREES", 6)
+    monkeypatch.setattr(blending, "INNER_TREES", 4)
+    table = write_trials(tmp_path / "a", objects=4, each=4, frames=frames)
+    options = TrialOptions(cache=tmp_path / "cache", network=False)
+    TrainTrials(trials=table, output=tmp_path / "run", options=options).run()
+    assert seen
+    for parts in seen:
+        assert parts.pop("miniature") == part
+        assert set(parts.values()) == {1.0}

@@ -207,7 +207,8 @@ def _weighed(
         kinds = np.array([way.kind for way in ways])
         groups = len(set(learning.groups[trial].tolist()))
         mean = each_place.mean(axis=1)
-        weights = weigh(mean, y, trusted(mean, y, groups, prior, kinds))
+        parts = np.array([way.part(_changing(learning, widths)) for way in ways])
+        weights = weigh(mean, y, trusted(mean, y, groups, prior, kinds, parts))
         weights[weights < min(LEAST_WEIGHT, weights.max())] = 0.0
         weights /= weights.sum()
         by_places = np.asarray(np.einsum("tpmc,m->tpc", each_place, weights), np.float64)
@@ -223,6 +224,14 @@ def _weighed(
         members=tuple(ways), columns=tuple(columns), weights=weights, places=places,
         sharpness=sharpness, inner=inner, losses=losses,
     )  # fmt: skip
+
+
+def _changing(learning: Learning, widths: Mapping[str, int]) -> bool:
+    """Return whether images change within a crop: whether there is any grey difference."""
+    if "pixels" not in widths:
+        return False
+    first = sum(widths[view] for view in list(widths)[: list(widths).index("pixels")])
+    return bool(learning.rows[:, first : first + widths["pixels"]].any())
 
 
 def _by_trial(

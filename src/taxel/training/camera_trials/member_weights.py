@@ -86,6 +86,7 @@ def trusted(
     groups: int,
     prior: NDArray[np.float64],
     kinds: NDArray[Any],
+    parts: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """Return priors of which each kind of members has the share that its predictions deserve.
 
@@ -100,6 +101,8 @@ def trusted(
         groups: How many the trials are of.
         prior: Shape (members,): shares within a kind.
         kinds: Shape (members,): what each member sees, in one word.
+        parts: Shape (members,): what the kind of each counts before any trial is seen, above 0;
+            1 unless given.
 
     Source:
         Pseudo-Bayesian model averaging, Yao et al., Bayesian Analysis 13(3), 2018, with groups in
@@ -112,13 +115,16 @@ def trusted(
     shares = [share / share.sum() for share in shares if share.any()]
     if not shares:
         return prior
+    before = (
+        np.ones(len(shares)) if parts is None else np.array([share @ parts for share in shares])
+    )
     losses = []
     for share in shares:
         mean = np.asarray(np.einsum("tmc,m->tc", held, share), np.float64)
         losses.append(log_loss(sharpened(mean, sharpen(mean, y)), y))
     behind = np.array(losses) - min(losses)
     return np.asarray(
-        np.exp(-TRUST * min(groups, MOST_GROUPS) * behind) @ np.stack(shares), np.float64
+        before * np.exp(-TRUST * min(groups, MOST_GROUPS) * behind) @ np.stack(shares), np.float64
     )
 
 

@@ -22,6 +22,9 @@ from taxel.windows.trial_crops import CHANGES, numbers_of
 
 TREES: Final = 400
 """Of a forest that is kept. Source: our choice, decision 41."""
+PART_OF_MINIATURE: Final = 0.5
+"""What the miniature counts beside other kinds, before any trial is seen, where images change
+within a crop: it shows a single one of them. Source: our choice, decision 41."""
 SHARE_SEEN: Final = 0.3
 MOST_SEEN: Final = 400
 """Share of the columns, and most of them, among which extremely randomised trees look for a split:
@@ -65,6 +68,14 @@ class TrialMember:
         (first, *others) = self.views
         alone = ("picture", "miniature", "network", "touch")
         return first if first in alone and not others else "look"
+
+    def part(self, changing: bool) -> float:
+        """Return what its kind counts before any trial is seen.
+
+        Args:
+            changing: Whether images change within a crop, as those of single images do not.
+        """
+        return PART_OF_MINIATURE if changing and self.kind == "miniature" else 1.0
 
     def columns(self, cameras: int, widths: Mapping[str, int]) -> NDArray[np.intp]:
         """Return which columns of all views, side by side in their order, it sees."""
