@@ -111,10 +111,10 @@ def test_a_kind_that_counts_half_before_any_trial_has_half_of_what_it_would_have
 
 
 @pytest.mark.parametrize(("frames", "part"), [(1, 1.0), (10, 0.5)])
-def test_the_miniature_counts_half_where_images_change_within_a_crop(
+def test_plain_colours_count_as_one_kind_where_images_change_within_a_crop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, frames: int, part: float
 ) -> None:
-    """A crop of a single image shows no more than its miniature does."""
+    """Of a crop of a single image nothing else shows more."""
     seen: list[dict[str, float]] = []
 
     def watched(*args: Any) -> Any:
@@ -129,5 +129,5 @@ def test_the_miniature_counts_half_where_images_change_within_a_crop(
     TrainTrials(trials=table, output=tmp_path / "run", options=options).run()
     assert seen
     for parts in seen:
-        assert parts.pop("miniature") == part
+        assert parts.pop("picture") == parts.pop("miniature") == part
         assert set(parts.values()) == {1.0}

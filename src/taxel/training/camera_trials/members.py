@@ -22,9 +22,11 @@ from taxel.windows.trial_crops import CHANGES, numbers_of
 
 TREES: Final = 400
 """Of a forest that is kept. Source: our choice, decision 41."""
-PART_OF_MINIATURE: Final = 0.5
-"""What the miniature counts beside other kinds, before any trial is seen, where images change
-within a crop: it shows a single one of them. Source: our choice, decision 41."""
+PLAIN: Final = ("picture", "miniature")
+PART_OF_PLAIN: Final = 0.5
+"""Kinds that see plain colours of single images of a crop, and what each of them counts beside
+other kinds, before any trial is seen, where images change within a crop: both together as much as
+one. Source: our choice, decision 41."""
 SHARE_SEEN: Final = 0.3
 MOST_SEEN: Final = 400
 """Share of the columns, and most of them, among which extremely randomised trees look for a split:
@@ -75,7 +77,7 @@ class TrialMember:
         Args:
             changing: Whether images change within a crop, as those of single images do not.
         """
-        return PART_OF_MINIATURE if changing and self.kind == "miniature" else 1.0
+        return PART_OF_PLAIN if changing and self.kind in PLAIN else 1.0
 
     def columns(self, cameras: int, widths: Mapping[str, int]) -> NDArray[np.intp]:
         """Return which columns of all views, side by side in their order, it sees."""
