@@ -67,6 +67,33 @@ def test_a_job_that_ends_each_worker_ends_the_work_in_one_line() -> None:
     assert len(str(lost.value).splitlines()) == 1
 
 
+UNGUARDED = """
+import math
+from taxel.jobs.local import LocalEngine
+from taxel.jobs.running import side_by_side, use_engine
+
+with use_engine(LocalEngine(2, print)):
+    print(side_by_side(math.sqrt, [(4.0,), (9.0,)]))
+"""
+
+
+def test_a_script_that_begins_its_work_when_imported_is_refused_at_once(tmp_path: Path) -> None:
+    """Each worker imports the script, and would begin the same work."""
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1
+    assert "starts again" not in done.stdout
+    last = done.stderr.splitlines()[-1]
+    assert "one that ended with exit code 1 before its first job" in last
+    assert 'put the work under if __name__ == "__main__"' in last
+
+    body = UNGUARDED.replace("with use", 'if __name__ == "__main__":\n  with use', 1)
+    script.write_text(body.replace("    print", "      print"))
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout) == (0, "[2.0, 3.0]\n"), done.stderr
+
+
 def test_a_worker_killed_by_a_signal_without_a_name_is_one_lost_worker_too(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -30,6 +30,10 @@ from taxel.processes import end_with_parent
 ATTEMPTS = 4
 """Workers that a job may outlive, and one: a job that ends its worker each time ends the work.
 Source: our choice, as Dask's three failures and Ray's three retries; docs/decisions/0050."""
+_GUARD = (
+    'in a script of your own put the work under if __name__ == "__main__": '
+    "each worker imports the script"
+)
 _END_S = 5.0
 """How long an idle worker may take to end when it is asked to, seconds. Source: our choice,
 docs/decisions/0050."""
@@ -79,6 +83,10 @@ class LocalEngine:
                 if self._closed:
                     raise WorkerLost(call.name, "the work was ended", attempt) from error
                 self._forget(worker)
+                if worker.ended_itself_at_once:
+                    raise BadInput(
+                        "workers that start", f"one that {worker.fate} before its first job", _GUARD
+                    ) from error
                 self.log(f"{call.name}: its worker {worker.pid} {worker.fate}; it starts again")
         raise WorkerLost(call.name, f"the last worker {worker.fate}", ATTEMPTS)
 
@@ -94,6 +102,11 @@ class LocalEngine:
                     raise BadInput(
                         f"a process for {job}", error.strerror or str(error), "use fewer --workers"
                     ) from error
+                except RuntimeError as error:  # this is a worker that still imports its script
+                    raise BadInput(
+                        "work that begins once", "a script that begins it whenever it is imported",
+                        _GUARD,
+                    ) from error  # fmt: skip
                 self._running.add(worker)
             self._own.worker = worker
         return worker
@@ -111,7 +124,7 @@ class _Worker:
     def __init__(self) -> None:
         context = get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._busy = False
+        self._busy = self._began = False
         self._process = context.Process(
             target=_serve, args=(theirs, os.getpid()), name="taxel-worker", daemon=True
         )
@@ -132,6 +145,11 @@ class _Worker:
             return f"was killed by {names.get(-code, f'signal {-code}')}"
         return f"ended with exit code {code}"
 
+    @property
+    def ended_itself_at_once(self) -> bool:
+        """Whether the process has ended before it could do a job, and nothing killed it."""
+        return not self._began and (self._process.exitcode or 0) > 0
+
     def perform(self, call: Call) -> JobResult:
         """Return a job's result.
 
@@ -139,6 +157,8 @@ class _Worker:
             EOFError, OSError: The process ended.
         """
         self._busy = True
+        if not self._began:
+            self._began = self._pipe.recv()
         self._pipe.send(call)
         answer = self._pipe.recv()
         self._busy = False
@@ -170,6 +190,7 @@ def _serve(pipe: Connection, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what an interrupt ends
     end_with_parent(parent)
     with suppress(EOFError, OSError):  # the parent is gone
+        pipe.send(True)
         while (call := pipe.recv()) is not None:
             if not gc.isenabled():
                 gc.freeze()
