@@ -86,7 +86,7 @@ def test_a_script_that_begins_its_work_when_imported_is_refused_at_once(tmp_path
     assert "starts again" not in done.stdout
     last = done.stderr.splitlines()[-1]
     assert "one that ended with exit code 1 before its first job" in last
-    assert 'put the work under if __name__ == "__main__"' in last
+    assert 'work stands under if __name__ == "__main__"' in last
 
     body = UNGUARDED.replace("with use", 'if __name__ == "__main__":\n  with use', 1)
     script.write_text(body.replace("    print", "      print"))

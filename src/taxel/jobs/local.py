@@ -31,8 +31,8 @@ ATTEMPTS = 4
 """Workers that a job may outlive, and one: a job that ends its worker each time ends the work.
 Source: our choice, as Dask's three failures and Ray's three retries; docs/decisions/0050."""
 _GUARD = (
-    'in a script of your own put the work under if __name__ == "__main__": '
-    "each worker imports the script"
+    'a script of your own must be a file whose work stands under if __name__ == "__main__": '
+    "each worker imports it"
 )
 _END_S = 5.0
 """How long an idle worker may take to end when it is asked to, seconds. Source: our choice,

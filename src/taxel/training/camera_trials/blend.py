@@ -207,7 +207,8 @@ def _weighed(
         kinds = np.array([way.kind for way in ways])
         groups = len(set(learning.groups[trial].tolist()))
         mean = each_place.mean(axis=1)
-        parts = np.array([way.part(_changing(learning, widths)) for way in ways])
+        changing = _changing(learning, widths)
+        parts = np.array([way.part(changing) for way in ways])
         weights = weigh(mean, y, trusted(mean, y, groups, prior, kinds, parts))
         weights[weights < min(LEAST_WEIGHT, weights.max())] = 0.0
         weights /= weights.sum()
