@@ -248,6 +248,10 @@ def test_a_bundle_is_scored_alike_by_workers(
         np.testing.assert_array_equal(own.probabilities, other.probabilities)
     with use_engine(Posted()), pytest.raises(BadBundle, match="as it was when the command began"):
         predict_side_by_side(bundle, (file, "0" * 64), trials)
+    other = write_trials(tmp_path / "c", objects=1, each=1, frames=14, first=9)
+    (tmp_path / "a" / "t0c0.avi").write_bytes((other.parent / "t0c0.avi").read_bytes())
+    with use_engine(Posted()), pytest.raises(BadDataset, match="as they were when"):
+        predict_side_by_side(bundle, named, trials)
 
 
 @pytest.mark.slow
