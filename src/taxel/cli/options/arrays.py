@@ -42,9 +42,10 @@ class RecipeOptions:
     wavelet: wavelet for denoising, such as db2, or none. segment: values up to this, in the
     channels' unit, count as background, or none. fill: gaps are interpolated in up to this share of
     a window, 0…1. reference: KEY=VALUE:COUNT, the first COUNT touches of a known object, which set
-    each channel's gain in a session, or none. follow: seconds over which each channel's gate
-    follows its rest and noise, or none. subtract: an untouched channel that is subtracted from all
-    others, or none."""
+    each channel's gain in a session, or none. level: KEY:COUNT, such as session:10, each touch is
+    scaled by the level of its session's earlier touches, beside which the usual level counts as
+    COUNT touches; or none. follow: seconds over which each channel's gate follows its rest and
+    noise, or none. subtract: an untouched channel that is subtracted from all others, or none."""
     epochs: int | None = None
     """Passes over the training windows, 1 or more; as in the recipe unless given."""
     seed: int = 0
