@@ -17,7 +17,7 @@ from taxel.training.run import contract_of
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import load_dataset
 from taxel.windows.recut import recut
-from taxel.windows.reference import parse_reference, touch_level
+from taxel.windows.reference import parse_reference, touch_level, usual_of
 from taxel.windows.scaling import fit_scaling
 
 GAINS = {"a": np.array([1.0, 2.0, 0.0]), "b": np.array([3.0, 0.5, 0.0])}
@@ -125,6 +125,15 @@ def test_a_channel_silent_in_one_session_leaves_the_others_alone(sessions: Path)
     assert dataset.to_level is not None
     in_c = dataset.group("session") == "c"
     np.testing.assert_array_equal(dataset.to_level[in_c][:, 1], 1.0)
+
+
+def test_a_session_counts_once_in_the_usual_level_however_many_trials_it_has():
+    """Also where a channel of it was silent, whose level is NaN in each of its trials."""
+    one, other = np.float32([[1.0, np.nan]]), np.float32([[4.0, 3.0]])
+
+    usual = usual_of(np.concatenate([one] * 50 + [other]))
+
+    np.testing.assert_allclose(usual, [2.0, 3.0], rtol=1e-6)  # of 1 and 4; of 3 alone
 
 
 def test_windows_cut_again_stand_at_the_level_of_the_first_cut(sessions: Path):

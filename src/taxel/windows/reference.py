@@ -82,9 +82,9 @@ def usual_of(levels: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the geometric mean over the sessions that measured a channel; 1 where none did.
 
     Args:
-        levels: Shape (trials, channels): of each trial's session.
+        levels: Shape (trials, channels): of each trial's session; 0 or NaN where it has none.
     """
-    each = np.unique(levels, axis=0)
+    each = np.unique(np.nan_to_num(levels), axis=0)  # a row that holds NaN is like no other
     known = each > 0
     logs = np.where(known, np.log(np.where(known, each, 1.0)), 0.0)
     return np.asarray(np.exp(logs.sum(axis=0) / np.maximum(known.sum(axis=0), 1)), np.float32)
