@@ -166,6 +166,25 @@ def test_missing_values_stay_missing(calibration: Calibration, later: Any) -> No
         assert np.isfinite(done.samples.values[:, 4]).all()
 
 
+def test_a_lost_scan_does_not_lower_the_force_of_those_beside_it(
+    calibration: Calibration, later: Any
+) -> None:
+    """The mean over 20 ms is of the values that came: a missing one is no 0 V."""
+    samples, presses, gauge = later
+    sensor, _, start_s, end_s = presses[3]
+    inside = np.flatnonzero((samples.fitted_s > start_s) & (samples.fitted_s < end_s))
+    peak = int(inside[np.argmax(samples.values[inside, sensor])])
+    validity, values = samples.validity.copy(), samples.values.copy()
+    validity[peak, sensor], values[peak, sensor] = Validity.MISSING, 0.0
+    holed = replace(samples, values=values, validity=validity)
+
+    whole, found = (correct(own, gauge.info, calibration, "N", 250.0).samples.values
+                    for own in (samples, holed))  # fmt: skip
+
+    beside = [peak - 1, peak + 1]
+    np.testing.assert_allclose(found[beside, sensor], whole[beside, sensor], rtol=0.05)
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [

@@ -16,6 +16,20 @@ def test_the_moving_mean_is_the_mean_of_what_lies_around(scans: int, rate_hz: fl
     assert smoothed(values, rate_hz) == pytest.approx(np.array(plain))
 
 
+def test_values_that_are_missing_have_no_part_in_the_moving_mean() -> None:
+    values = np.full((200, 2), 1.5)
+    values[[0, 50, 52, 199], 0] = np.nan
+    values[100:130, 0] = np.inf
+    near = np.ones(200, bool)
+    near[110:121] = False  # further from any value than the mean reaches
+
+    found = smoothed(values, 1000.0)
+
+    assert found[:, 1] == pytest.approx(1.5)
+    assert found[near, 0] == pytest.approx(1.5)
+    assert found[110:121, 0] == pytest.approx(0.0)
+
+
 def test_50_hz_and_its_harmonics_are_smoothed_away() -> None:
     turn = 2 * np.pi * 50.0 * np.arange(1000) / 1000.0
     hum = (np.sin(turn) + 0.3 * np.sin(3 * turn))[:, None]

@@ -61,25 +61,29 @@ class Noise:
 
 def smoothed(values: NDArray[np.floating], rate_hz: float) -> NDArray[np.float64]:
     """Return the centred moving mean over `SMOOTH_S`, same shape (n, channels); the ends have
-    fewer values in it. Values that are not finite count as 0: leave them out afterwards.
+    fewer values in it. Values that are not finite have no part in it; 0 where no value has.
     """
     n = len(values)
     if n == 0:
         return np.zeros(values.shape)
     width = min(max(1, round(SMOOTH_S * rate_hz)), n)
-    before, after = width // 2, width - 1 - width // 2
-    counts = np.full(n, float(width))
-    counts[:before] -= np.arange(before, 0, -1)
-    counts[n - after :] -= np.arange(1, after + 1)
     means = np.empty(values.shape, np.float64)
     for channel in range(values.shape[1]):  # one after another: a long recording is large
-        total = np.zeros(n + width)
-        total[before + 1 : before + 1 + n] = np.nan_to_num(
-            values[:, channel].astype(np.float64), posinf=0.0, neginf=0.0
-        )
-        np.cumsum(total, out=total)
-        means[:, channel] = (total[width:] - total[:n]) / counts
+        column = values[:, channel].astype(np.float64)
+        known = np.isfinite(column)
+        total = _moving_sum(np.where(known, column, 0.0), width)
+        count = _moving_sum(known.astype(np.float64), width)
+        means[:, channel] = np.where(count > 0, total / np.maximum(count, 1.0), 0.0)
     return means
+
+
+def _moving_sum(values: NDArray[np.float64], width: int) -> NDArray[np.float64]:
+    """Return the sum of the `width` values around each, shape (n,); beyond the ends there is 0."""
+    n, before = len(values), width // 2
+    total = np.zeros(n + width)
+    total[before + 1 : before + 1 + n] = values
+    np.cumsum(total, out=total)
+    return np.asarray(total[width:] - total[:n])
 
 
 def rest_blocks(resting: NDArray[np.bool_], rate_hz: float) -> list[slice]:
