@@ -148,6 +148,22 @@ def test_input_that_cannot_be_trusted_is_unknown(edge, fault: str) -> None:
     assert state is Stability.UNKNOWN
 
 
+def test_an_image_beside_a_damaged_one_is_looked_at_once_all_are_whole(edge) -> None:
+    """A camera that repeats its image then, as 25 Hz in a 60 Hz video, shows it to the model."""
+    bundle, _, _, pours = edge
+    sets = list(frame_sets(pours[0].path, 2))
+    last = next(n for n in range(30, 60) if sets[n].frames[0].jpeg != sets[n - 1].frames[0].jpeg)
+    left, right = sets[last].frames
+    whole, damaged = (GraspMonitor(bundle, pours[0].cameras) for _ in range(2))
+    for frame_set in sets[:last]:
+        whole.push(frame_set)
+        damaged.push(frame_set)
+    doubted = damaged.push(FrameSet((left, replace(right, jpeg=right.jpeg[:500]))))
+
+    assert doubted.decision.state is Stability.UNKNOWN
+    assert damaged.push(sets[last]).probability == whole.push(sets[last]).probability
+
+
 class NoNumber:
     """A network that has gone wrong: whatever it sees, its answer is not a number."""
 

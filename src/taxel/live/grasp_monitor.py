@@ -105,6 +105,7 @@ class GraspMonitor:
             rim = contract.features == SLIP_RIM
             self._watch = SlipWatch(self._cameras, self._settle, rim)
         self._eyes = [_Eye(camera) for camera in self._cameras]
+        self._fresh: set[int] = set()
         self._over = False
         self._slips: list[SlipFeatures] | None = None
         self._early: list[tuple[NDArray[np.uint8], ...]] = []
@@ -247,18 +248,20 @@ class GraspMonitor:
         return REASONS["window"].say(left_s=left / contract.rate_hz)
 
     def _look(self, found: FrameSet) -> tuple[tuple[NDArray[np.uint8], ...], list[int]]:
-        """Return the images, and which cameras show another one than before."""
-        fresh = [
+        """Return the images, and which cameras show another one than those returned before."""
+        changed = [
             camera
             for camera, (eye, frame) in enumerate(zip(self._eyes, found.frames, strict=True))
             if eye.differs(frame.jpeg)
         ]
-        self._beside.map(lambda camera: self._eyes[camera].see(found.frames[camera].jpeg), fresh)
+        self._fresh.update(changed)  # still new later, where another camera's cannot be decoded
+        self._beside.map(lambda camera: self._eyes[camera].see(found.frames[camera].jpeg), changed)
         images = []
         for eye in self._eyes:
             if eye.image is None:
                 raise BadSource("a frame of each camera", REASONS["no input"].say(), "wait")
             images.append(eye.image)
+        fresh, self._fresh = sorted(self._fresh), set()
         return tuple(images), fresh
 
     def _next_window(
