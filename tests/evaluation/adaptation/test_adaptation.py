@@ -22,7 +22,10 @@ from taxel.evaluation.adaptation.pads import (
     draw_gains,
     measure_pads,
 )
+from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import list_recordings, read_recording
+from taxel.recordings.writer import Recorder
+from taxel.signals import Samples, SensorInfo, Validity
 from taxel.sources.simulated.data_sets import simulate_presets
 from taxel.training.exemplars import all_exemplars
 from taxel.training.loop import TrainConfig
@@ -87,6 +90,26 @@ def test_a_changed_pad_scales_its_channel_and_clips_as_the_converter_does(
         new.samples.values, np.minimum(old.samples.values * gain, full), rtol=1e-6
     )
     assert new.marks == old.marks
+
+
+def test_what_was_lost_or_stale_is_so_with_changed_pads_too(tmp_path: Path) -> None:
+    """A lost scan is recorded as 0 V that is flagged: without its flag it would be a touch of 0."""
+    sensor = SensorInfo(
+        name="pads", channels=("a", "b"), units=("V", "V"), rate_hz=100.0, full_scale=3.3
+    )
+    samples = Samples.from_values(np.full((4, 2), 2.0, np.float32), np.arange(4) / 100.0, 3.3)
+    samples.values[1, 0], samples.validity[1, 0] = 0.0, Validity.MISSING | Validity.RECONNECTING
+    samples.validity[2, 0] = Validity.STALE
+    samples.values[3, 0], samples.validity[3, 0] = 3.3, Validity.SATURATED
+    with Recorder(tmp_path / "old.mcap", Manifest.started_now(sensor)) as recorder:
+        recorder.write(samples)
+
+    change_pads(tmp_path / "old.mcap", tmp_path / "new.mcap", np.array([0.5, 2.0]))
+
+    validity = read_recording(tmp_path / "new.mcap").samples.validity
+    missing = Validity.MISSING | Validity.RECONNECTING
+    assert validity[:, 0].tolist() == [0, missing, Validity.STALE, 0]
+    assert validity[:, 1].tolist() == [Validity.SATURATED] * 4
 
 
 def test_one_pad_or_all_change_within_the_limits() -> None:

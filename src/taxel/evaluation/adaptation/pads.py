@@ -28,7 +28,7 @@ from taxel.evaluation.robustness.touches import recorded
 from taxel.labels.joined import joined_label
 from taxel.recordings.reader import list_recordings, read_manifest, read_recording
 from taxel.recordings.writer import Recorder
-from taxel.signals import flag_values
+from taxel.signals import Validity, flag_values
 from taxel.sim.teng.constants import HUMIDITY_DECAY
 from taxel.training.exemplars import Exemplars, all_exemplars
 from taxel.training.fitting import Fitted
@@ -139,7 +139,10 @@ def change_pads(source: Path, output: Path, gain: NDArray[np.float64]) -> None:
     values = (recording.samples.values * gain).astype(np.float32)
     if full is not None:
         values = np.minimum(values, np.float32(full))
-    samples = replace(recording.samples, values=values, validity=flag_values(values, full))
+    # What the values do not show, such as a lost scan's 0, stays flagged.
+    kept = recording.samples.validity & ~np.uint8(Validity.SATURATED | Validity.NOT_FINITE)
+    flags = kept | flag_values(values, full)
+    samples = replace(recording.samples, values=values, validity=flags)
     with Recorder(output, recording.manifest) as recorder:
         recorder.write(samples)
         for mark in recording.marks:
