@@ -58,6 +58,7 @@ def accuracies(
     ]
     dots += [Dot(name, value, colour="var(--grey)") for name, value in trivial.items()]
     group = judged[next(iter(runs))].group
+    notes = dict.fromkeys(_lone(judged[name]) for name in runs)
     rows = [_accuracy_row(name, run, judged[name]) for name, run in runs.items()]
     rows += [[name, "", percent(value), "", "", "", "", "", ""] for name, value in trivial.items()]
     return join(
@@ -72,7 +73,7 @@ def accuracies(
                 f"{several(group)}. Grey: baselines, which see no touch, hardly any, or only "
                 "channel means.",
             ),
-            join([tag("p", note) for note in {_lone(judged[name]) for name in runs} if note]),
+            join([tag("p", note) for note in notes if note]),
             _cleared({name: judged[name] for name in runs}, runs),
             table(
                 ["run", "model", "accuracy", f"95 % CI over {several(group)}, %",
