@@ -1,5 +1,6 @@
 """The folder of C: what is written, what its report says, and which networks are refused."""
 
+import errno
 import json
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from taxel.bundles.avr.write import reference_of, write_avr
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import write_bundle
 from taxel.cli.main import main
-from taxel.errors import BadBundle, BadInput
+from taxel.errors import BadBundle, BadInput, RecordingFailed
 from taxel.models.cnn1d import Cnn1d
 from taxel.models.cnn2d import Cnn2d
 from taxel.signals import SensorInfo
@@ -61,6 +62,32 @@ def test_writing_twice_gives_the_same_c(trained: Trained, tmp_path: Path) -> Non
 
     for file in trained.c.iterdir():
         assert (tmp_path / file.name).read_bytes() == file.read_bytes()
+
+
+def test_a_full_disk_leaves_the_earlier_c_as_it_was(
+    trained: Trained, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Half of the weights over the old ones would be a network of neither."""
+    window = board_window(trained.bundle.contract, VOLTS, trained.dataset.sensor.full_scale)
+    earlier = tmp_path / "taxel_weights.h"
+    earlier.write_text("earlier")
+
+    def full(path: Path, content: str | bytes, *_: object) -> int:
+        data = content.encode() if isinstance(content, str) else content
+        weights = b"first_weights" in data
+        with path.open("wb") as file:
+            file.write(data[: len(data) // (1 + weights)])
+        if weights:
+            raise OSError(errno.ENOSPC, "no room")
+        return len(data)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(RecordingFailed, match="no room"):
+        write_c(tmp_path, trained.integers, window, VOLTS, trained.bundle.contract,
+                trained.counts[0])  # fmt: skip
+
+    assert earlier.read_bytes() == b"earlier"
 
 
 @pytest.mark.parametrize("kind", ["several that vote", "signal-based"])

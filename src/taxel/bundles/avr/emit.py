@@ -25,7 +25,8 @@ from taxel.bundles.avr.integers import (
 from taxel.bundles.avr.quantise import ADC_BITS, Converter
 from taxel.bundles.contract import Contract
 from taxel.decisions.recognition import RecogniseConfig
-from taxel.errors import BadBundle, not_written
+from taxel.errors import BadBundle
+from taxel.recordings.whole import write_whole
 
 _RUNTIME = Path(__file__).with_name("runtime")
 RUNTIME = ("taxel_cnn.h", "taxel_cnn.c", "taxel_window.h", "taxel_window.c")
@@ -114,7 +115,8 @@ def write_c(
     """Write `taxel_model.h`, `taxel_weights.h` and the run-time; return the files.
 
     Args:
-        folder: Made where it does not exist; files of these names are replaced.
+        folder: Made where it does not exist; files of these names are replaced, each whole or not
+            at all.
         network: In integers.
         window: As the board cuts it.
         converter: The board's.
@@ -134,14 +136,10 @@ def write_c(
     texts = {
         "taxel_model.h": _model(network, window, converter, contract),
         "taxel_weights.h": _weights(network, check),
-        **{name: (_RUNTIME / name).read_text() for name in RUNTIME},
+        **{name: (_RUNTIME / name).read_text("utf-8") for name in RUNTIME},
     }
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, text in texts.items():
-            (folder / name).write_text(text)
-    except OSError as error:
-        raise not_written(folder, error) from error
+    for name, text in texts.items():
+        write_whole(folder / name, text)
     return [folder / name for name in texts]
 
 
