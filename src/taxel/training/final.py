@@ -5,17 +5,21 @@ Knows nothing about screens.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+
+import numpy as np
 
 from taxel.bundles.contract import Contract
 from taxel.bundles.writer import write_bundle
 from taxel.errors import BadDataset, BadInput
 from taxel.models.catalogue import find_network
 from taxel.training.curves import Epoch
+from taxel.training.environment import code_digest, environment
 from taxel.training.exemplars import all_exemplars, thin_out
 from taxel.training.fitting import Job, TrainingSet, fit_model, training_windows
 from taxel.training.loop import Checkpoint
@@ -71,9 +75,11 @@ def train_on_all(
     if not resume:
         shutil.rmtree(checkpoints, ignore_errors=True)
     checkpoints.mkdir(parents=True, exist_ok=True)
-    job = _job_text(recipe, dataset.digest, len(dataset.trials))
+    classes = dataset.classes(recipe.target)
+    learned = replace(TrainingSet.of(source, recipe.target), classes=len(classes))
+    job = _job_text(recipe, dataset.digest, learned, classes)
     fitted = fit_model(
-        replace(TrainingSet.of(source, recipe.target), classes=len(dataset.classes(recipe.target))),
+        learned,
         Job.of(recipe),
         steps=recipe.window.steps,
         checkpoint=lambda member: Checkpoint(checkpoints / f"member-{member}.safetensors", job),
@@ -127,15 +133,25 @@ def check_gate(dataset: Dataset) -> None:
         )
 
 
-def _job_text(recipe: Recipe, digest: str, trials: int) -> str:
-    """Return what a checkpoint must share with the training that goes on from it."""
+def _job_text(recipe: Recipe, digest: str, learned: TrainingSet, classes: Sequence[str]) -> str:
+    """Return what a checkpoint must share with the training that goes on from it.
+
+    The recordings' values do not say it: trials may be labelled anew or cut elsewhere, and another
+    table of folds may keep others back.
+    """
+    content = hashlib.sha256()
+    for part in (learned.windows.values, learned.windows.mask, learned.y):
+        content.update(np.ascontiguousarray(part).tobytes())
     job = {
         "data": digest,
-        "trials": trials,
+        "learned": content.hexdigest(),
+        "classes": list(classes),
         "target": recipe.target,
         "model": recipe.model,
         "window": asdict(recipe.window),
         "train_stride": recipe.train_stride,
         "train_steps": recipe.train_steps,
+        "software": environment(),
+        "code": code_digest(),
     }
     return json.dumps(job, sort_keys=True)
