@@ -1,12 +1,16 @@
 """Accuracy against amount of data: nested, whole groups, test parts untouched, baselines beside."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from make_dataset import make_dataset
+from make_pads import RECIPE as OF_PADS
+from make_pads import make_pads
 
 from taxel.errors import BadSplit
 from taxel.evaluation import learning_curve as curve
+from taxel.evaluation.checked import check_recipe
 from taxel.evaluation.splits import by_group, random_windows
 from taxel.training.loop import TrainConfig
 from taxel.training.recipes import find_recipe
@@ -15,8 +19,6 @@ RECIPE = find_recipe("teng")
 
 
 def small(**changes: object):
-    from dataclasses import replace
-
     return replace(RECIPE, target="shape", train_stride=None, train=TrainConfig(epochs=2),
                    **changes)  # fmt: skip
 
@@ -60,6 +62,18 @@ def test_a_split_of_single_windows_is_refused() -> None:
     split = random_windows(make_dataset(sessions=4), "shape", 2, 0, 0.0)
     with pytest.raises(BadSplit, match="a split of whole trials, to take some away"):
         split.whole_trials("to take some away", "choose another")
+
+
+def test_the_last_amount_is_the_recipe_s_cross_validation(tmp_path: Path) -> None:
+    """Windows to learn from start as often as the recipe says, as in evaluate."""
+    pads = make_pads(tmp_path / "pads")
+    recipe = replace(OF_PADS, train_stride=5, train=TrainConfig(epochs=2))
+    last = curve.learning_curve(pads, recipe, steps=2).amounts[-1]
+    checked = check_recipe(pads, recipe, bars=())
+
+    assert last.windows == 8 * 13  # of 80 rows 13 windows of 20, every 5 rows
+    assert last.fold_accuracies == checked.pooled.fold_accuracies
+    assert last.trivial == checked.trivial
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ from taxel.evaluation.usual_split import recipe_split
 from taxel.labels.trials import coarsest_group
 from taxel.plain_text import several
 from taxel.training.final import check_gate
-from taxel.training.fitting import Job
+from taxel.training.fitting import Job, training_windows
 from taxel.training.recipes import Recipe
 from taxel.windows.dataset import Dataset, load_dataset
 
@@ -68,7 +68,7 @@ def learning_curve(
     steps: int = 6,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> LearningCurve:
-    """Measure a recipe on more and more groups.
+    """Measure a recipe on more and more groups, trained as it is in a cross-validation.
 
     Args:
         path: A folder of recordings.
@@ -94,13 +94,14 @@ def learning_curve(
             f"at least two {several(key)} to learn from in a fold", f"{most}",
             f"record more {several(key)}, or choose another split",
         )  # fmt: skip
-    job = Job.of(recipe)
+    job, training = Job.of(recipe), training_windows(path, dataset, recipe)
     amounts = []
     for share in shares(most, steps):
         part = given(dataset, split, orders, share / most, key)
         on_step(f"{recipe.model} · {share} of {most} {several(key)}")
-        results = [run_fold(dataset, fold, job) for fold in part.folds]
-        amounts.append(_amount(dataset, part, results, recipe.target, key))
+        results = [run_fold(dataset, fold, job, training=training) for fold in part.folds]
+        windows = [len(fold.windows(training)[0]) for fold in part.folds]
+        amounts.append(_amount(dataset, part, results, windows, recipe.target, key))
     return LearningCurve(
         target=recipe.target, model=recipe.model, split=split.name, group=key,
         seed=recipe.train.seed, amounts=tuple(amounts),
@@ -142,12 +143,17 @@ def _order(dataset: Dataset, fold: TrialFold, key: str, recipe: Recipe) -> list[
 
 
 def _amount(
-    dataset: Dataset, part: Split, results: Sequence[FoldPredictions], target: str, key: str
+    dataset: Dataset,
+    part: Split,
+    results: Sequence[FoldPredictions],
+    windows: Sequence[int],
+    target: str,
+    key: str,
 ) -> Amount:
+    """Return one point, `windows` being those that each fold learned from."""
     names = dataset.group(key)
     groups = [len({names[t] for t in fold.train}) for fold in part.trial_folds]
     pooled = pool(dataset, part, results)
-    windows = [len(fold.windows(dataset)[0]) for fold in part.folds]
     return Amount(
         groups=round(float(np.median(groups))),
         windows=round(float(np.mean(windows))),
