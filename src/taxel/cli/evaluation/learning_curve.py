@@ -8,8 +8,7 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from taxel.cli.options.arrays import RecipeOptions, usual_recipe
-from taxel.cli.options.rules import Only
+from taxel.cli.options.arrays import OWN_FOLD_COUNT, RecipeOptions, usual_recipe
 from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput
 
@@ -40,12 +39,7 @@ class LearningCurve:
     """Print JSON, which a report can draw."""
     recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
 
-    RULES: ClassVar = (
-        Only(
-            ("fold-count",), "a split in folds (not order:)",
-            lambda o: not (o.split or "").startswith("order:"),
-        ),
-    )  # fmt: skip
+    RULES: ClassVar = (OWN_FOLD_COUNT,)
 
     def run(self) -> None:
         """Measure and print."""

@@ -173,7 +173,7 @@ def usual_recipe(data: Path) -> str:
 def _in_folds(verb: Any) -> bool:
     from taxel.training.recipes import find_recipe
 
-    if verb.folds is not None or verb.test is not None:
+    if getattr(verb, "folds", None) is not None or getattr(verb, "test", None) is not None:
         return False
     if verb.split is None and verb.recipe.unnamed:
         return True
@@ -183,6 +183,8 @@ def _in_folds(verb: Any) -> bool:
 
 FOLD_COUNT = Only(("fold-count",), "a split in folds (not order:, --folds or --test)", _in_folds)
 """A split by order has one test part, however many folds are asked for; a table its own folds."""
+OWN_FOLD_COUNT = Only(("fold-count",), "a split in folds (not order:)", _in_folds)
+"""The same of verbs that take neither tables of folds nor another folder to test on."""
 
 
 def split_given(split: str | None, folds: Path | None, test: Path | None) -> GivenSplit:

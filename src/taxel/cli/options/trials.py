@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -201,9 +201,15 @@ def _alike(trials: list[CameraTrial]) -> dict[str, list[str]]:
     return found
 
 
+def _in_turn(verb: Any) -> bool:
+    options = verb.options
+    single = (options.split or "").startswith(("order:", "split"))
+    return not (options.folds or options.test or single)
+
+
 FOLDS_IN_TURN = Only(
     ("fold-count",),
-    "folds in turn (no --folds, --test or --split split)",
-    lambda verb: not (verb.options.folds or verb.options.test or verb.options.split == "split"),
+    "folds in turn (no --folds, --test, --split order: or --split split)",
+    _in_turn,
 )
-"""Where the test trials are given there is nothing to count."""
+"""Where the test trials are given, or are the later ones, there is nothing to count."""

@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
-from taxel.cli.options.arrays import RecipeOptions, check_run_folder, usual_recipe
+from taxel.cli.options.arrays import (
+    OWN_FOLD_COUNT,
+    RecipeOptions,
+    check_run_folder,
+    usual_recipe,
+)
 from taxel.cli.options.rules import Only
 from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import command, console, print_json, progress, say
@@ -63,7 +68,10 @@ class Tune:
     recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
     work: Annotated[WorkOptions, tyro.conf.arg(name="")] = field(default_factory=WorkOptions)
 
-    RULES: ClassVar = (Only(("fold-count",), "an outer score (no --no-check)", lambda o: o.check),)
+    RULES: ClassVar = (
+        Only(("fold-count",), "an outer score (no --no-check)", lambda o: o.check),
+        OWN_FOLD_COUNT,
+    )
 
     def run(self) -> None:
         """Search, train and save."""
