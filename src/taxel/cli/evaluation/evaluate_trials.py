@@ -169,8 +169,8 @@ def _scores(
 
     target, classes = contract.target, contract.classes
     truth = [trial.labels.get(target, "") for trial in trials]
-    labelled = [i for i, own in enumerate(truth)
-                if own in classes and np.isfinite(verdicts[i].confidence)]  # fmt: skip
+    known = [i for i, own in enumerate(truth) if own in classes]
+    labelled = [i for i in known if np.isfinite(verdicts[i].confidence)]
     document: dict[str, Any] = {
         "target": target,
         "split": None if table is None else table.split,
@@ -185,14 +185,17 @@ def _scores(
     where = "" if table is None else f" · test part of {table.split}"
     if not labelled:
         count = trial_count(len(trials))
-        return f"{count}{where}; none has a {target} that the bundle knows", document
+        why = f"none has a {target} that the bundle knows"
+        if known:
+            why = f"none of those whose {target} the bundle knows has a probability"
+        return f"{count}{where}; {why}", document
     groups = [trials[i].groups for i in labelled]
     key = _resampled(groups, table)
     names = values_of(groups, key) if key else np.array([trials[i].name for i in labelled])
     y = np.array([classes.index(truth[i]) for i in labelled])
     majority = float(np.bincount(y).max() / len(y))
     scores = score_trials(y, np.stack([verdicts[i].probabilities for i in labelled]), names)
-    answered = float(np.mean([verdicts[i].label == truth[i] for i in labelled]))
+    answered = float(np.mean([verdicts[i].label == truth[i] for i in known]))
     document |= {"majority": majority, "scores": asdict(scores), "answered_accuracy": answered}
     return (
         f"{score_line(target, where, scores, majority, key)}; UNKNOWN {document['unknown']} of "
