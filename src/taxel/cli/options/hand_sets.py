@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from taxel.cli.options.arrays import RecipeOptions
+from taxel.cli.options.arrays import RecipeOptions, usual_recipe
 
 if TYPE_CHECKING:
     from taxel.evaluation.teng.model_comparison import ComparisonConfig
@@ -35,7 +35,10 @@ def comparison_config(
     """
     from taxel.evaluation.teng.model_comparison import ComparisonConfig
 
-    resolved = recipe.resolve(model=model)
+    if data is None:
+        resolved = recipe.resolve(model=model)
+    else:
+        resolved = recipe.resolve(default=usual_recipe(data), model=model, data=data)
     config = ComparisonConfig(window=resolved.window, train=resolved.train)
     if data is not None or recipe.target is not None:
         config = replace(config, targets=(resolved.target,))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
-from taxel.cli.options.arrays import RecipeOptions, check_share
+from taxel.cli.options.arrays import RecipeOptions, check_share, usual_recipe
 from taxel.cli.options.rules import Only
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
@@ -111,11 +111,13 @@ class UnknownObjects:
 
     def _folder(self, data: Path, group: str | None, on_step: Callable[[str], None]) -> None:
         from taxel.evaluation.unknown.objects import find_unknown, kinds_of, leave_each_out
+        from taxel.training.final import check_gate
         from taxel.views.tables.unknown import left_out_table, unknown_tables
         from taxel.windows.dataset import load_dataset
 
-        recipe = self.recipe.resolve(model=self.model)
+        recipe = self.recipe.resolve(default=usual_recipe(data), model=self.model, data=data)
         dataset = load_dataset(data, recipe.window, target=recipe.target)
+        check_gate(dataset)
         own = (recipe.split or "").removeprefix("group:")  # where these recordings have it
         if group is None and all(own in trial.groups for trial in dataset.trials):
             group = own
