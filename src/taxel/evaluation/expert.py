@@ -261,8 +261,8 @@ def _over(measured: Measured, limits: Limits, members: int) -> tuple[str, ...]:
     if measured.mb > limits.most_mb:
         over.append(
             f"the bundle has {measured.mb:.1f} MB, more than --max-mb {limits.most_mb:g}"
-            f"{', with a single model' if members == 1 else ''}: raise the limit, or name fewer "
-            "--channels"
+            f"{', with a single model' if members == 1 else ''}: raise the limit, or import fewer "
+            "channels"
         )
     return tuple(over)
 
