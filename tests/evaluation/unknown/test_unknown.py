@@ -11,6 +11,7 @@ from taxel.bench.audit.unknown import glove_rows_of
 from taxel.errors import BadDataset
 from taxel.evaluation.unknown.objects import (
     UnknownConfig,
+    _trivial,
     find_unknown,
     kinds_of,
     leave_each_out,
@@ -190,3 +191,14 @@ def test_without_recordings_the_glove_is_missing_and_says_why():
     (row,) = glove_rows_of(None)
     assert row.value is None
     assert "--data" in row.note
+
+
+def test_padding_is_no_weak_touch() -> None:
+    """Two windows of one level, of which half of the second is padding."""
+    values = np.full((2, 8, 3), 2.0, np.float32)
+    mask = np.ones((2, 8), bool)
+    values[1, 4:], mask[1, 4:] = 0.0, False
+    found = _trivial(values[:1], values, mask[:1], mask)
+
+    assert found["weak touch"].tolist() == [-2.0, -2.0]
+    assert found["unusual level"].tolist() == [0.0, 0.0]

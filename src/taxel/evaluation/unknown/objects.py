@@ -166,7 +166,9 @@ def _one_fold(
     p_grasp = np.array([
         test_of.p_contact(own, int(n)) for own, n in zip(means.tolist(), counts, strict=True)
     ])  # fmt: skip
-    trivial = _trivial(fitted.scaling.apply(learned.values, learned.mask), scaled)
+    trivial = _trivial(
+        fitted.scaling.apply(learned.values, learned.mask), scaled, learned.mask, windows.mask
+    )
     names = np.array(classes)
 
     def scored(
@@ -221,11 +223,20 @@ def _means(
 
 
 def _trivial(
-    train: NDArray[np.float32], test: NDArray[np.float32]
+    train: NDArray[np.float32],
+    test: NDArray[np.float32],
+    learned: NDArray[np.bool_],
+    measured: NDArray[np.bool_],
 ) -> dict[str, NDArray[np.float64]]:
-    """Return the scores that need no learning, each of shape (n,)."""
-    level = test.mean(axis=(1, 2), dtype=float)
-    usual = train.mean(axis=(1, 2), dtype=float)
+    """Return the scores that need no learning, each of shape (n,).
+
+    Args:
+        train: Scaled windows that were learned from; 0 where padded.
+        test: Those to score, likewise.
+        learned: Which rows of the former were measured, shape (n, steps).
+        measured: The same of the latter.
+    """
+    level, usual = _level(test, measured), _level(train, learned)
     near = NearestNeighbors(n_neighbors=1).fit(train.reshape(len(train), -1))
     distance, _ = near.kneighbors(test.reshape(len(test), -1))
     return {
@@ -233,3 +244,11 @@ def _trivial(
         "unusual level": np.abs(level - usual.mean()),
         "1-NN on raw windows": np.asarray(distance[:, 0], float),
     }
+
+
+def _level(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return each window's mean over channels and measured rows, shape (n,): padding is no 0."""
+    if mask.all():
+        return np.asarray(values.mean(axis=(1, 2), dtype=float))
+    kept = np.where(mask[:, :, None], values, 0.0).sum(axis=(1, 2), dtype=float)
+    return np.asarray(kept / (np.maximum(mask.sum(axis=1), 1) * values.shape[2]))
