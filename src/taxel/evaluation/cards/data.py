@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter, defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -90,8 +90,10 @@ def data_card(path: Path, on_file: Callable[[str], None] = lambda _: None) -> Da
         details=_details(rows),
         classes=_classes(rows),
         groups={
-            name: len({row["groups"][name] for row in rows if name in row["groups"]})
-            for name in sorted({name for row in rows for name in row["groups"]})
+            name: len(set().union(*(_values(row, name) for row in rows)))
+            for name in sorted(
+                {name for row in rows for name in (*row["groups"], *row["marks_by_group"])}
+            )
             if not _is_nuisance(name, rows)
         },
         nuisances=tuple(
@@ -122,7 +124,8 @@ def _sensors(rows: list[dict[str, Any]]) -> dict[str, str]:
     for row in rows:
         if row["channels"] and row["sensor"]["name"] not in found:
             units = ", ".join(sorted({channel["unit"] for channel in row["channels"]}))
-            measured = [r["rate_hz"] for r in rows if r["channels"] and r["rate_hz"]]
+            measured = [r["rate_hz"] for r in rows if r["channels"] and r["rate_hz"]
+                        and r["sensor"]["name"] == row["sensor"]["name"]]  # fmt: skip
             rate = f"{np.median(measured):.4g} scans/s measured" if measured else "rate unknown"
             found[row["sensor"]["name"]] = (
                 f"{number_of(len(row['channels']), 'channel')} in {units}, {rate}, "
@@ -155,14 +158,17 @@ def _details(rows: list[dict[str, Any]]) -> dict[str, str]:
 
 
 def _classes(rows: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
-    """Return each label's classes: of marks where there are any, else of recordings."""
+    """Return how many trials each label's classes have: marks, or recordings without any.
+
+    A mark's own label wins; one that gives none has the recording's.
+    """
     found: dict[str, Counter[str]] = defaultdict(Counter)
     for row in rows:
         for name, counts in row["marks_by_label"].items():
             found[name].update(counts)
         for name, value in row["labels"].items():
-            if name not in row["marks_by_label"]:
-                found[name][value] += max(1, row["marks"])
+            if others := _unmarked(row, row["marks_by_label"].get(name, {})):
+                found[name][value] += others
     return {
         name: {value: counts[value] for value in in_order(counts)}
         for name, counts in sorted(found.items())
@@ -170,22 +176,35 @@ def _classes(rows: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
     }
 
 
+def _values(row: dict[str, Any], group: str) -> set[str]:
+    """Return a group's values of a recording's trials: those of marks, else the recording's."""
+    own: dict[str, int] = row["marks_by_group"].get(group, {})
+    whole = {row["groups"][group]} if group in row["groups"] and _unmarked(row, own) else set()
+    return set(own) | whole
+
+
+def _unmarked(row: dict[str, Any], counts: Mapping[str, int]) -> int:
+    """Return how many of a recording's trials no mark gives a value of its own."""
+    return int(max(1, row["marks"])) - sum(counts.values())
+
+
 def _lost(rows: list[dict[str, Any]]) -> str:
     scans = sum(row["scans"] for row in rows)
     parts = []
     if scans:
+        lost_scans = sum(row["lost_scans"] for row in rows)
         values = sum(row["scans"] * len(row["channels"]) for row in rows)
         unusable = sum(row["unusable_values"] for row in rows)
         saturated = sum(row["saturated_values"] for row in rows)
         parts.append(
-            f"{sum(row['lost_scans'] for row in rows):,} of {scans:,} scans lost, "
+            f"{lost_scans:,} of {scans + lost_scans:,} scans lost, "
             f"{unusable / values:.2%} of values unusable, {saturated / values:.2%} saturated"
         )
     frames = sum(camera["frames"] for row in rows for camera in row["cameras"])
     if frames:
         lost = sum(camera["lost_frames"] for row in rows for camera in row["cameras"])
         repeated = sum(camera["repeated"] for row in rows for camera in row["cameras"])
-        parts.append(f"{lost:,} of {frames:,} frames lost, {repeated:,} repeated")
+        parts.append(f"{lost:,} of {frames + lost:,} frames lost, {repeated:,} repeated")
     return "; ".join(parts) or "nothing recorded"
 
 
