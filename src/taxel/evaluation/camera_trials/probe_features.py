@@ -63,7 +63,9 @@ def crop_features(
     features: list[list[NDArray[np.float32]]] = [[] for _ in extractors]
     for trial in trials:
         shape = len(trial.cameras), STRETCHES, IMAGES
-        files = [cache / "probe" / e.key / f"{trial.digest[:32]}.npy" for e in extractors]
+        rate = f"{trial.rate_hz:.4g}"  # which decides which images are looked at
+        files = [cache / "probe" / f"{e.key}-{rate}" / f"{trial.digest[:32]}.npy"
+                 for e in extractors]  # fmt: skip
         stored = [load_kept(f, e.features) for f, e in zip(files, extractors, strict=True)]
         lacking = [at for at, values in enumerate(stored) if values is None]
         images = crop_images(trial) if lacking else []
