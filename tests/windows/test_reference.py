@@ -129,9 +129,9 @@ def test_a_channel_silent_in_one_session_leaves_the_others_alone(sessions: Path)
 
 def test_a_session_counts_once_in_the_usual_level_however_many_trials_it_has():
     """Also where a channel of it was silent, whose level is NaN in each of its trials."""
-    one, other = np.float32([[1.0, np.nan]]), np.float32([[4.0, 3.0]])
+    silent, other = np.float32([[1.0, np.nan]]), np.float32([[4.0, 3.0]])
 
-    usual = usual_of(np.concatenate([one] * 50 + [other]))
+    usual = usual_of(np.concatenate([silent] * 50 + [other]))
 
     np.testing.assert_allclose(usual, [2.0, 3.0], rtol=1e-6)  # of 1 and 4; of 3 alone
 
