@@ -1,5 +1,7 @@
 """Faults of an array: each does what its level says, and nothing else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -226,3 +228,53 @@ def test_an_unknown_fault_is_refused_with_those_that_there_are():
 def test_levels_that_mean_nothing_are_refused(name: str, level: float):
     with pytest.raises(BadInput, match="--levels"):
         check_level(name, ARRAY_FAULTS[name], level, 8)
+
+
+def with_lost(rows: slice, columns: slice = slice(None), value: float = 0.0) -> Touched:
+    """Return presses in which some scans never came, as drivers mark them."""
+    touch = presses()
+    values, validity = touch.samples.values.copy(), touch.samples.validity.copy()
+    values[rows, columns] = value
+    validity[rows, columns] |= np.uint8(Validity.MISSING)
+    samples = replace(touch.samples, values=values, validity=validity)
+    return touched(samples, SENSOR, 1.55, np.array([[0.0, 30.0]]))
+
+
+@pytest.mark.parametrize(("name", "level"), [("jitter", 5.0), ("skew", 10_000)])
+def test_a_scan_between_a_missing_one_and_its_neighbour_is_missing(name: str, level: float):
+    """Pressed at 2 V and more before and behind the hole: nothing in between was ever there."""
+    samples = made(name, level, with_lost(slice(2010, 2013)))
+    pressed = (samples.fitted_s > 20.06) & (samples.fitted_s < 20.17)
+    usable = samples.usable.all(axis=1)
+
+    assert (~usable[pressed]).sum() >= 3
+    assert (samples.values[pressed & usable] > 1.99).all()
+
+
+def test_a_clock_that_is_not_slow_loses_no_scan_beside_one_without_a_value():
+    touch = with_lost(slice(2010, 2011), value=np.nan)
+    samples = made("skew", 0.0, touch)
+
+    np.testing.assert_array_equal(samples.values, touch.samples.values)
+    np.testing.assert_array_equal(samples.usable, touch.samples.usable)
+
+
+def test_missing_scans_are_no_signal_that_noise_is_measured_by():
+    """Half of the scans of one channel are gone: its noise is that of the others, as before."""
+    noise = [
+        (made("noise", 40.0, touch).values - touch.samples.values)[30:45, 1].std()
+        for touch in (presses(), with_lost(slice(1000, 3000), slice(1, 2)))
+    ]
+
+    assert noise[1] == pytest.approx(noise[0], rel=0.01)
+
+
+def test_a_channel_stands_at_a_value_that_it_had_not_at_a_missing_scan():
+    for seed in range(5):
+        touch = with_lost(slice(None), slice(0, 4))
+        touch.samples.validity[2500:2540, 0:4] = 0
+        touch.samples.values[2500:2540, 0:4] = 2.5
+        samples = made("stuck", 8, touch, seed)
+
+        assert (samples.values[0, :4] == 2.5).all()
+        assert (samples.values[0] > 1.55).all()

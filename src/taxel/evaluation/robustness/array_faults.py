@@ -93,12 +93,19 @@ def touched(
 def noise(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """Normal noise on every channel; level: signal over noise, dB.
 
-    The signal is the mean square of all channels of one unit over the scans in contact.
+    The signal is the mean square of all channels of one unit over the scans in contact; what is
+    missing there is no signal of 0.
     """
-    values = np.where(touched.samples.usable, touched.samples.values, 0.0)[touched.contact]
-    power = np.square(values, dtype=np.float64).mean(axis=0) if len(values) else touched.full**2
+    usable = touched.samples.usable[touched.contact]
+    values = np.where(usable, touched.samples.values[touched.contact], 0.0)
+    count = usable.sum(axis=0)
+    power = np.square(values, dtype=np.float64).sum(axis=0) / np.maximum(count, 1)
+    power = np.where(count > 0, power, touched.full**2 if not len(values) else np.nan)
     units = np.array(touched.sensor.units)
-    shared = np.array([power[units == unit].mean() for unit in units])
+    known = np.isfinite(power)
+    shared = np.array(
+        [power[own].mean() if (own := (units == unit) & known).any() else 0.0 for unit in units]
+    )
     sigma = np.sqrt(shared) * 10 ** (-level / 20)
     return _shown(
         touched,
@@ -138,12 +145,17 @@ def missing(touched: Touched, level: float, random: np.random.Generator) -> Samp
 
 
 def stuck(touched: Touched, level: float, random: np.random.Generator) -> Samples:
-    """Channels that stand for ever at one of their own values in contact; level: how many."""
+    """Channels that stand for ever at one of their own values in contact; level: how many.
+
+    Of a channel without a value in the scan that is drawn it is the nearest that it has.
+    """
     values = touched.samples.values.copy()
     rows = np.flatnonzero(touched.contact)
     row = int(random.choice(rows)) if len(rows) else 0
-    chosen = _some(touched, level, random)
-    values[:, chosen] = values[row, chosen]
+    for channel in _some(touched, level, random):
+        known = np.flatnonzero(touched.contact & touched.samples.usable[:, channel])
+        place = known[np.abs(known - row).argmin()] if len(known) else row
+        values[:, channel] = values[place, channel]
     return _shown(touched, values)
 
 
@@ -174,7 +186,8 @@ def channel_drift(touched: Touched, level: float, random: np.random.Generator) -
 def skew(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """A board whose clock is slow, so that its scans lie further apart; level: ppm.
 
-    The host's clock fit knows their true times; where scans are rows, windows last longer.
+    The host's clock fit knows their true times; where scans are rows, windows last longer. A scan
+    beside a missing one is missing, too: nobody knows what it would have read.
     """
     time_s = touched.samples.fitted_s
     step = 1.0 + level * 1e-6
@@ -183,8 +196,9 @@ def skew(touched: Touched, level: float, random: np.random.Generator) -> Samples
     place = (np.arange(count) * step).clip(max=float(index[-1]))
     taken_s = np.interp(place, index, time_s)
     part = touched.samples[np.floor(place).astype(np.intp)]
+    values, validity = _between(touched.samples, place)
     return replace(
-        _shown(replace(touched, samples=part), _at(touched.samples.values, place)),
+        _shown(replace(touched, samples=replace(part, validity=validity)), values),
         counter=np.arange(count, dtype=np.int64),
         fitted_s=taken_s,
         arrival_s=np.interp(place, index, touched.samples.arrival_s),
@@ -192,13 +206,15 @@ def skew(touched: Touched, level: float, random: np.random.Generator) -> Samples
 
 
 def jitter(touched: Touched, level: float, random: np.random.Generator) -> Samples:
-    """Scans that are taken at uneven moments but stamped evenly; level: deviation, ms."""
+    """Scans that are taken at uneven moments but stamped evenly; level: deviation, ms.
+
+    One that falls beside a missing scan is missing, as in `skew`.
+    """
     period_s = 1.0 / touched.sensor.rate_hz
     n = len(touched.samples)
     place = np.arange(n) + random.normal(0.0, level / 1000 / period_s, n)
-    return _shown(
-        touched, _at(touched.samples.values, np.asarray(place.clip(0, n - 1), np.float64))
-    )
+    values, validity = _between(touched.samples, np.asarray(place.clip(0, n - 1), np.float64))
+    return _shown(replace(touched, samples=replace(touched.samples, validity=validity)), values)
 
 
 def loss(touched: Touched, level: float, random: np.random.Generator) -> Samples:
@@ -352,9 +368,14 @@ def _minutes(touched: Touched) -> NDArray[np.float64]:
     return np.asarray((touched.samples.fitted_s - touched.samples.fitted_s[0]) / 60.0)
 
 
-def _at(values: NDArray[np.float32], place: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return values between scans, by straight lines; place in scans, shape (m,)."""
-    before = np.floor(place).astype(np.intp)
-    after = np.minimum(before + 1, len(values) - 1)
+def _between(
+    samples: Samples, place: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Return values between scans, by straight lines, and the flags of both; place in scans (m,).
+
+    At a scan itself only that scan counts.
+    """
+    before, after = np.floor(place).astype(np.intp), np.ceil(place).astype(np.intp)
     share = (place - before)[:, None]
-    return np.asarray((1 - share) * values[before] + share * values[after])
+    values = (1 - share) * samples.values[before] + share * samples.values[after]
+    return np.asarray(values), samples.validity[before] | samples.validity[after]
