@@ -10,7 +10,10 @@ import pytest
 from mcap.reader import make_reader
 
 from taxel.exchange.foxglove_layout import MAP_TOPIC, layout_of, map_script, paths_of
+from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import read_manifest
+from taxel.recordings.scan_layout import MOST_NAMED
+from taxel.signals import SensorInfo
 
 
 def test_every_path_of_the_layout_is_in_the_recording(make, tmp_path):
@@ -54,3 +57,13 @@ def test_the_maps_script_draws_each_channel_and_what_is_missing(make, tmp_path):
     assert run.returncode == 0, run.stderr
     pixels = np.array(json.loads(run.stdout)).reshape(4, 3)
     assert pixels.tolist() == [[255] * 3, [128] * 3, [128, 0, 128], [0, 0, 0]]
+
+
+def test_a_large_skin_without_cameras_has_a_layout_of_its_states():
+    """More channels than a viewer shows by name: neither a plot nor a map is left."""
+    names = tuple(map(str, range(MOST_NAMED + 1)))
+    skin = SensorInfo(name="skin", channels=names, units=("V",) * len(names), rate_hz=100.0)
+    layout = layout_of(Manifest(sensor=skin))
+
+    assert list(layout["configById"]) == [layout["layout"]]
+    assert "/marks.labels[0].value" in paths_of(layout)

@@ -84,7 +84,7 @@ def layout_of(manifest: Manifest) -> dict[str, Any]:
         "layout": {
             "direction": "column", "splitPercentage": 80, "second": "StateTransitions!states",
             "first": _stack(columns, "row"),
-        },
+        } if columns else "StateTransitions!states",
     }  # fmt: skip
 
 
