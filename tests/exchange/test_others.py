@@ -1,6 +1,11 @@
 """Claims about ROS 2 bags, Parquet tables and videos: other programs read what was recorded."""
 
 import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +14,7 @@ from taxel.errors import BadDataset
 from taxel.exchange.ros2_bag import write_bags
 from taxel.frame_codec import encode_jpeg
 from taxel.recordings.manifest import NO_ARRAY, Manifest
-from taxel.recordings.reader import iterate_frames, read_recording
+from taxel.recordings.reader import iterate_frames, read_manifest, read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame
 
@@ -65,6 +70,38 @@ def test_parquet_holds_what_was_recorded(make, tmp_path):
     assert marks[0]["groups"] == [("cup", "ä")]
 
 
+def test_parquet_has_no_two_columns_of_one_name(make, tmp_path):
+    """pandas, Polars and Arrow refuse to read such a table."""
+    pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed (taxel[export])")
+    from taxel.exchange.parquet_tables import write_tables
+
+    path = make(tmp_path / "a.mcap", cameras=False, channels=("counter", "x", "x validity"))
+    write_tables([path], tmp_path / "tables")
+    scans = pq.read_table(tmp_path / "tables/a.scans.parquet")
+    ours = read_recording(path).samples
+    np.testing.assert_array_equal(scans["counter"].to_numpy(), ours.counter)
+    np.testing.assert_array_equal(scans["counter (channel)"].to_numpy(), ours.values[:, 0])
+    np.testing.assert_array_equal(scans["x validity"].to_numpy(), ours.validity[:, 1])
+    np.testing.assert_array_equal(scans["x validity (channel)"].to_numpy(), ours.values[:, 2])
+
+
+def test_parquets_manifests_are_utf_8_whatever_the_locale(make, tmp_path):
+    pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed (taxel[export])")
+    manifest = read_manifest(make(tmp_path / "first.mcap", cameras=False))
+    with Recorder(tmp_path / "a.mcap", replace(manifest, labels={"object": "Kürbis"})):
+        pass
+    code = (
+        "from pathlib import Path; from taxel.exchange.parquet_tables import write_tables; "
+        "write_tables([Path('a.mcap')], Path('tables'))"
+    )
+    own = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env={**os.environ, **own},
+                          capture_output=True, timeout=60, check=False)  # fmt: skip
+
+    assert done.returncode == 0, done.stderr
+    assert "Kürbis" in (tmp_path / "tables/manifests.json").read_text(encoding="utf-8")
+
+
 def test_motion_jpeg_is_the_cameras_own_bytes_at_their_times(make, tmp_path):
     av = pytest.importorskip("av", reason="av is not installed (taxel[export])")
     from taxel.exchange.video_files import write_videos
@@ -93,6 +130,20 @@ def test_h264_is_for_looking(make, tmp_path):
     }
     with av.open(str(tmp_path / "v/a.left.mp4")) as file:
         assert sum(1 for _ in file.decode(video=0)) == 40
+
+
+@pytest.mark.parametrize("codec", ["mjpeg", "h264"])
+def test_a_folder_may_be_called_by_the_time_of_day(make, tmp_path, monkeypatch, codec):
+    """FFmpeg takes what stands before a colon for a protocol."""
+    av = pytest.importorskip("av", reason="av is not installed (taxel[export])")
+    if codec == "h264" and "libx264" not in av.codecs_available:
+        pytest.skip("this build of av has no H.264 encoder")
+    from taxel.exchange.video_files import write_videos
+
+    path = make(tmp_path / "a.mcap", array=False)
+    monkeypatch.chdir(tmp_path)
+
+    assert list(write_videos([path], Path("10:30"), codec=codec).values()) == [40, 40]
 
 
 def test_a_recording_without_cameras_has_no_video(make, tmp_path):

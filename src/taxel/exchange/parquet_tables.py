@@ -34,14 +34,34 @@ FRAMES = pa.schema(
 
 
 def scans_schema(manifest: Manifest) -> pa.Schema:
-    """Return the columns of scans: times, counter, each channel and its flags."""
-    sensor = manifest.sensor
+    """Return the columns of scans: times, counter, each channel and its flags.
+
+    A channel that is called like another column has "(channel)" behind its name: no program reads
+    a table with two columns of one name.
+    """
+    names = _columns_of(manifest.sensor.channels)
     values = [
         pa.field(name, pa.float32(), metadata={"unit": unit})
-        for name, unit in zip(sensor.channels, sensor.units, strict=True)
+        for name, unit in zip(names, manifest.sensor.units, strict=True)
     ]
-    flags = [pa.field(f"{name} validity", pa.uint8()) for name in sensor.channels]
+    flags = [pa.field(_flags_of(name), pa.uint8()) for name in names]
     return pa.schema([*_TIMES, ("counter", pa.int64()), *values, *flags])
+
+
+def _columns_of(channels: Sequence[str]) -> list[str]:
+    """Return the column of each channel, its own name where no other column is called so."""
+    taken, names = {"counter", *(name for name, _ in _TIMES)}, []
+    for channel in channels:
+        name = channel
+        while {name, _flags_of(name)} & taken:
+            name += " (channel)"
+        taken |= {name, _flags_of(name)}
+        names.append(name)
+    return names
+
+
+def _flags_of(name: str) -> str:
+    return f"{name} validity"
 
 
 def write_tables(
@@ -74,7 +94,8 @@ def write_tables(
             manifests[path.stem] = to_record(manifest)
             rows_written[path.stem] = _write(path, manifest, made)
             progress(done, len(paths))
-        (made / SIGN).write_text(json.dumps(manifests, indent=1, ensure_ascii=False))
+        text = json.dumps(manifests, indent=1, ensure_ascii=False)
+        (made / SIGN).write_text(text, encoding="utf-8")
     return rows_written
 
 

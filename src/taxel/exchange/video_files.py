@@ -95,7 +95,8 @@ class _Video:
 
     def __init__(self, path: Path, camera: CameraInfo, codec: Codec) -> None:
         self._camera, self._codec = camera, codec
-        self._file: Any = av.open(os.fspath(path), "w")
+        # FFmpeg takes what stands before a colon in a relative path, as in 10:30, for a protocol.
+        self._file: Any = av.open(os.path.abspath(path), "w")
         rate = Fraction(camera.rate_hz or 25).limit_denominator(1000)
         self._stream: Any = self._file.add_stream(
             "mjpeg" if codec == "mjpeg" else "libx264", rate=rate,
