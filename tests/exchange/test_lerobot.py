@@ -3,6 +3,7 @@
 import importlib
 import importlib.util
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,15 @@ import pytest
 
 from taxel.errors import BadDataset, BadInput
 from taxel.recordings.reader import iterate_frames, read_recording
+from taxel.recordings.writer import Recorder
+from taxel.signals import Validity
 from taxel.sim.pour.state import TRUTH_CHANNELS
 
 pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed (taxel[export])")
 layout = importlib.import_module("taxel.exchange.lerobot_layout")
 problems = importlib.import_module("lerobot_check").problems
 import_lerobot = importlib.import_module("taxel.exchange.lerobot_read").import_lerobot
+lerobot_stats = importlib.import_module("taxel.exchange.lerobot_stats")
 write_lerobot = importlib.import_module("taxel.exchange.lerobot_write").write_lerobot
 DATA = "data/chunk-000/file-000.parquet"
 
@@ -93,6 +97,37 @@ def test_truth_without_cameras_comes_back_the_same(make, tmp_path):
     write_lerobot([path], tmp_path / "set")
     (back,) = import_lerobot(tmp_path / "set", tmp_path / "back")
     check_same(path, back)
+
+
+def test_what_is_missing_does_not_scale_what_is_there(make, tmp_path):
+    """A lost scan is recorded as 0 V with a flag; a dead channel has no value in its episode."""
+    first, second = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    sound = read_recording(make(tmp_path / "sound.mcap", cameras=False))
+    for path, dead in ((first, np.s_[100:700]), (second, np.s_[:])):
+        values, validity = sound.samples.values + 5, sound.samples.validity.copy()
+        values[dead, 2], validity[dead, 2] = 0, Validity.MISSING
+        with Recorder(path, sound.manifest) as recorder:
+            recorder.write(replace(sound.samples, values=values, validity=validity))
+    write_lerobot([first, second], tmp_path / "set", rows=40)
+    stats = json.loads((tmp_path / "set" / layout.STATS).read_text(encoding="utf-8"))
+
+    left = np.r_[0:100, 700:1600]
+    known = np.asarray(sound.samples.values + 5)[left, 2]
+    window = {name: np.array(found) for name, found in stats[layout.TACTILE].items()}
+    assert window["min"][:, 2].min() == known.min()
+    assert window["max"][:, 2].max() == known.max()
+    np.testing.assert_allclose(window["mean"][:, 2].mean(), known.mean(), rtol=1e-5)
+    state = stats[layout.STATE]
+    assert 5 <= state["min"][2] <= state["q01"][2] <= state["mean"][2] <= state["max"][2]
+    assert state["std"][2] < 0.5
+    assert state["count"] == [80]
+
+
+def test_a_channel_that_is_never_there_has_statistics_of_zero():
+    dead = lerobot_stats.stats_of(np.full((4, 1), np.nan))
+    assert np.all([dead[name] == 0 for name in ("min", "max", "mean", "std", "q50")])
+    both = lerobot_stats.as_lists(lerobot_stats.together([dead, dead]))
+    assert (both["min"], both["max"], both["mean"], both["count"]) == ([0], [0], [0], [8])
 
 
 def test_labels_are_tasks_and_groups_are_columns(recordings, tmp_path):

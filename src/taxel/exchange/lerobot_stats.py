@@ -1,7 +1,8 @@
 """Statistics of each feature, an episode and over all, by which LeRobot scales what it learns.
 
 Values that are not finite are left out: what is missing must not scale what is there. Over all
-episodes the quantiles are the mean of the episodes', weighted by frames, as LeRobot does it.
+episodes the quantiles are the mean of the episodes', weighted by the values there, nearly as
+LeRobot does it: theirs are weighted by frames, and an episode without a value would count as zero.
 Knows nothing about recordings or Parquet.
 """
 
@@ -15,8 +16,11 @@ from numpy.typing import NDArray
 
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 """Source: their DEFAULT_QUANTILES."""
+KNOWN = "known"
+"""How many values each statistic is made of; LeRobot's files have no place for it."""
 Stats = dict[str, NDArray[np.float64]]
-"""min, max, mean, std, count and the quantiles of a feature, each of the feature's shape."""
+"""min, max, mean, std, quantiles and KNOWN of a feature, each of the feature's shape, and count:
+its frames. Where nothing is known, all are zero."""
 
 
 def stats_of(values: NDArray[Any]) -> Stats:
@@ -39,6 +43,7 @@ def stats_of(values: NDArray[Any]) -> Stats:
         "mean": mean,
         "std": np.sqrt((spread**2).sum(axis=0) / count),
         "count": np.array([len(found)], np.float64),
+        KNOWN: known.sum(axis=0).astype(np.float64),
     }
     quantiles = np.nanquantile(masked, list(QUANTILES.values()), axis=0)
     return stats | dict(zip(QUANTILES, quantiles, strict=True))
@@ -53,13 +58,18 @@ def image_stats(images: Sequence[NDArray[np.uint8]]) -> Stats:
     pixels = np.concatenate([image.reshape(-1, 3) for image in images]) / 255.0
     stats = {name: value.reshape(3, 1, 1) for name, value in stats_of(pixels).items()
              if name != "count"}  # fmt: skip
-    return stats | {"count": np.array([len(images)], np.float64)}
+    count = np.array([len(images)], np.float64)
+    return stats | {"count": count, KNOWN: np.full((3, 1, 1), count)}
 
 
 def together(parts: Sequence[Stats]) -> Stats:
-    """Return the statistics over several episodes."""
-    weights = np.array([float(part["count"][0]) for part in parts])
-    total = weights.sum()
+    """Return the statistics over several episodes; one without a value weighs nothing."""
+    weights = [part[KNOWN] for part in parts]
+    known = np.sum(weights, axis=0)
+    total = np.maximum(known, 1.0)
+
+    def of_known(name: str, empty: float) -> list[NDArray[np.float64]]:
+        return [np.where((part[KNOWN] > 0) | (known == 0), part[name], empty) for part in parts]
 
     def mean_of(values: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         weighted = [value * weight for value, weight in zip(values, weights, strict=True)]
@@ -68,11 +78,12 @@ def together(parts: Sequence[Stats]) -> Stats:
     mean = mean_of([part["mean"] for part in parts])
     spread = mean_of([part["std"] ** 2 + (part["mean"] - mean) ** 2 for part in parts])
     return {
-        "min": np.min([part["min"] for part in parts], axis=0),
-        "max": np.max([part["max"] for part in parts], axis=0),
+        "min": np.min(of_known("min", np.inf), axis=0),
+        "max": np.max(of_known("max", -np.inf), axis=0),
         "mean": mean,
         "std": np.sqrt(spread),
-        "count": np.array([total]),
+        "count": np.sum([part["count"] for part in parts], axis=0),
+        KNOWN: known,
     } | {name: mean_of([part[name] for part in parts]) for name in QUANTILES}
 
 
@@ -81,4 +92,5 @@ def as_lists(stats: Stats) -> dict[str, Any]:
     return {
         name: value.astype(np.int64).tolist() if name == "count" else value.tolist()
         for name, value in stats.items()
+        if name != KNOWN
     }

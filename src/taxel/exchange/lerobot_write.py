@@ -28,7 +28,7 @@ from taxel.exchange.output import new_tree
 from taxel.frame_codec import decode_jpeg
 from taxel.recordings.manifest import Manifest, to_record
 from taxel.recordings.reader import read_manifest
-from taxel.signals import Frame
+from taxel.signals import UNUSABLE, Frame
 from taxel.sim.pour.state import has_truth
 
 _ROWS = 256
@@ -159,7 +159,7 @@ class _Writer:
             pictures = list(islice(frames, stop - at)) if len(episode.images) else []
             values = self._numbers(episode, at, stop, number, tasks) | _exact(episode, pictures, at)
             self._data.write_batch(self._batch(values, pictures))
-            for key, part in values.items():
+            for key, part in _measured(values, self._keys).items():
                 columns.setdefault(key, []).append(part)
             self._look_at(episode, pictures, at, seen)
             at = stop
@@ -308,6 +308,17 @@ class _Writer:
         even = np.arange(len(episode)) / self._rhythm.fps
         drift = np.abs(episode.time_s - episode.time_s[0] - even).max()
         written.drift_s = max(written.drift_s, float(drift))
+
+
+def _measured(values: dict[str, NDArray[Any]], keys: layout.ArrayKeys) -> dict[str, NDArray[Any]]:
+    """Return the columns of some frames for statistics: what may not be used there is NaN."""
+    if keys.window not in values:
+        return values
+    unusable = (values[keys.validity] & np.uint8(UNUSABLE)) != 0
+    return values | {
+        keys.window: np.where(unusable, np.nan, values[keys.window]),
+        keys.state: np.where(values[keys.valid], values[keys.state], np.nan),
+    }
 
 
 def _exact(
