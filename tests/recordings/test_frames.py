@@ -127,6 +127,20 @@ def test_a_frame_of_no_camera_is_refused(tmp_path: Path) -> None:
     recorder.discard()
 
 
+@pytest.mark.parametrize(
+    "times", [{"arrival_s": 1.8e10}, {"arrival_s": 1.7e12}, {"fitted_s": 3e9}, {"counter": 2**63}]
+)
+def test_a_frame_of_an_impossible_time_does_not_end_the_recording(times, tmp_path: Path) -> None:
+    """Milliseconds taken for seconds: the recorder's thread cannot write them, so it is refused."""
+    own = replace(manifest(), wall_anchor_ns=10**18)
+    with Recorder(tmp_path / "a.mcap", own) as recorder:
+        recorder.frame(frame(0, 0))
+        with pytest.raises(BadInput, match="in seconds"):
+            recorder.frame(replace(frame(0, 1), **times))
+        recorder.frame(frame(0, 2))
+    assert [found.counter for found in iterate_frames(tmp_path / "a.mcap")] == [0, 2]
+
+
 def test_a_message_of_an_unknown_channel_is_passed_over(tmp_path: Path) -> None:
     """A recording of a later taxel may hold more than this one knows."""
     frames = write(tmp_path / "a.mcap", count=3)

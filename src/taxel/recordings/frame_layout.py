@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 import struct
+from dataclasses import replace
 from functools import cache
 
 from taxel.recordings.cdr import CDR_HEAD
@@ -56,12 +57,23 @@ def times_topic(camera_name: str) -> str:
     return f"{frame_topic(camera_name)}/times"
 
 
-def pack_times(frame: Frame) -> bytes:
-    """Return a frame's exact times and its counter, as they are recorded.
+def check_times(frame: Frame, wall_anchor_ns: int) -> None:
+    """Refuse a frame whose times and counter could not be written.
+
+    Args:
+        frame: Its fitted time must be finite.
+        wall_anchor_ns: Wall time at monotonic zero, nanoseconds.
 
     Raises:
-        struct.error: A time is no number, or the counter no whole one of 64 bits.
+        struct.error: A time is no number, the counter no whole one of 64 bits, it was taken after
+            2038, when ROS 2's seconds end, or arrived after 2554, when MCAP's nanoseconds end.
     """
+    _pack_times(frame)
+    encode_frame(replace(frame, jpeg=b""), "", 1, 0, wall_anchor_ns)
+
+
+def _pack_times(frame: Frame) -> bytes:
+    """Return a frame's exact times and its counter, as they are recorded."""
     return _TIMES.pack(frame.fitted_s, frame.device_s, frame.arrival_s, frame.counter)
 
 
@@ -82,7 +94,7 @@ def encode_frame(
     channel = FRAME_CHANNEL + frame.camera
     log_ns, body = image_message(frame, name, wall_anchor_ns)
     image = message_record(channel, sequence, log_ns, publish_ns, *body)
-    exact = pack_times(frame)
+    exact = _pack_times(frame)
     times = message_record(channel + cameras, sequence, log_ns, publish_ns, CDR_HEAD, exact)
     return log_ns, image, times
 

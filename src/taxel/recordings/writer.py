@@ -26,7 +26,7 @@ from taxel.errors import BadInput, RecordingFailed
 from taxel.held import output_of
 from taxel.plain_text import number_of
 from taxel.recordings.chunk_writer import ChunkWriter, Item
-from taxel.recordings.frame_layout import pack_times
+from taxel.recordings.frame_layout import check_times
 from taxel.recordings.manifest import Manifest, check_manifest
 from taxel.recordings.mark_layout import encode_mark
 from taxel.recordings.part_file import (
@@ -191,12 +191,14 @@ class Recorder:
             got = type(frame.jpeg).__name__
             raise BadInput("a frame's image as bytes", got, "encode it with encode_jpeg")
         try:  # on the recorder's thread, it would end the recording
-            pack_times(frame)
-        except struct.error as error:
-            got = f"times {frame.device_s} and {frame.arrival_s}, counter {frame.counter}"
+            check_times(frame, self._manifest.wall_anchor_ns)
+        except (struct.error, OverflowError) as error:
+            got = (f"fitted {frame.fitted_s}, of the device {frame.device_s}, of arrival "
+                   f"{frame.arrival_s}, counter {frame.counter}")  # fmt: skip
             raise BadInput(
-                "times as seconds and a whole counter", got, "give NaN and -1"
-            ) from error
+                "a frame's times in seconds, of a clock that is right, and a whole counter", got,
+                "check the source's clock; give NaN and -1 for what it does not know",
+            ) from error  # fmt: skip
         self._put(frame, 1)
 
     def slip(self, note: SlipNote) -> None:
