@@ -8,9 +8,9 @@ import pytest
 from taxel.errors import BadInput, BadTable
 from taxel.labels.marking import mark_recordings
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.reader import iterate_frames, list_recordings, read_recording
+from taxel.recordings.reader import iterate_frames, iterate_slips, list_recordings, read_recording
 from taxel.recordings.writer import Recorder
-from taxel.signals import Mark, Samples, SensorInfo
+from taxel.signals import Mark, Samples, SensorInfo, SlipNote
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import load_dataset
 
@@ -95,3 +95,17 @@ def test_cameras_beside_the_array_come_along(pour, tmp_path):
         (f.camera, f.fitted_s, f.jpeg) for f in old
     ]
     assert [mark.labels for mark in read_recording(made.recordings[0]).marks] == [{"object": "cup"}]
+
+
+def test_slip_that_a_monitor_measured_comes_along(raw, tmp_path):
+    note = SlipNote(time_s=1000.7, who="left", values={"slip_mm": 0.25, "slip_seen": True})
+    with Recorder(raw / "four.mcap", Manifest(sensor=PAD)) as recorder:
+        recorder.write(Samples.from_values(np.ones((200, 2)), 1000.0 + np.arange(200) / 100.0))
+        recorder.slip(note)
+    (tmp_path / "table.csv").write_text("file,start_s,end_s,label:object\nfour,0,1,cup\n")
+
+    made = mark_recordings(raw, tmp_path / "table.csv", tmp_path / "out")
+
+    (same,) = iterate_slips(made.recordings[0])
+    assert (same.time_s, same.who, same.values["slip_mm"]) == (1000.7, "left", 0.25)
+    assert [same] == list(iterate_slips(raw / "four.mcap"))

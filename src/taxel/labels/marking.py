@@ -11,7 +11,7 @@ from pathlib import Path
 
 from taxel.errors import BadInput
 from taxel.recordings.imports.intervals import marks_of, read_intervals, stem_of, write_marked
-from taxel.recordings.reader import iterate_frames, list_recordings, read_recording
+from taxel.recordings.reader import iterate_frames, iterate_slips, list_recordings, read_recording
 from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark
@@ -75,6 +75,8 @@ def mark_recordings(
                 write_marked(recorder, samples, own)
                 for frame in iterate_frames(path) if manifest.cameras else ():
                     recorder.frame(frame)
+                for note in iterate_slips(path):
+                    recorder.slip(note)
                 recorder.close("labelled")
             marks += own
             replaced += len(recording.marks)
