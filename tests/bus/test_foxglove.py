@@ -12,7 +12,7 @@ from websockets.sync.client import connect
 
 from taxel.bus.following import STATE, Item
 from taxel.bus.foxglove_server import MOST_WAITING, FoxgloveServer
-from taxel.bus.foxglove_wire import SUBPROTOCOLS, Channel, read_request
+from taxel.bus.foxglove_wire import SUBPROTOCOLS, Channel, Rows, read_request
 from taxel.recordings.frame_layout import image_message
 from taxel.signals import Frame, Samples
 
@@ -182,3 +182,12 @@ def test_a_request_is_read_to_the_letter() -> None:
     assert read_request('{"op":"unsubscribe","subscriptionIds":[0]}') == ("unsubscribe", [0])
     with pytest.raises(ValueError, match="whole number"):
         read_request('{"op":"unsubscribe","subscriptionIds":[true]}')
+
+
+@pytest.mark.parametrize(("rate_hz", "shown"), [(50, 50), (100, 100), (1000, 100)])
+def test_of_a_second_each_row_of_the_grid_is_shown(rate_hz, shown):
+    """Times of 100 Hz, in floating point, are not 0.01 s apart to the last bit."""
+    times_s = 12_345.678 + np.arange(rate_hz) / rate_hz
+    samples = Samples.from_values(np.ones((rate_hz, 1)), times_s)
+
+    assert len(Rows(("a",)).of(samples)) == shown

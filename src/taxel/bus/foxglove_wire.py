@@ -26,6 +26,8 @@ from taxel.signals import Samples
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 ROW_S = 0.01
 """Time between shown rows of an array: the common grid's, docs/decisions/0003."""
+_ROUNDING_S = 0.0005
+"""A row may come so much sooner: times of 100 Hz are not 0.01 s apart to the last bit."""
 _MESSAGE = struct.Struct("<BIQ")
 _MESSAGE_DATA = 0x01
 
@@ -72,7 +74,7 @@ class Rows:
         found = []
         values = np.where(samples.usable, samples.values, np.nan)
         for time_s, row in zip(samples.fitted_s.tolist(), values.tolist(), strict=True):
-            if time_s - self._shown_s >= ROW_S:
+            if time_s - self._shown_s >= ROW_S - _ROUNDING_S:
                 self._shown_s = time_s
                 found.append((time_s, json_bytes(dict(zip(self.channels, row, strict=True)))))
         return found
