@@ -7,11 +7,13 @@ import os
 import subprocess
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from taxel.errors import RecordingFailed
+from taxel.recordings import recovery
 from taxel.recordings.part_file import part_path
 from taxel.recordings.reader import read_recording
 from taxel.recordings.recovery import recover
@@ -93,6 +95,27 @@ def test_what_fitted_on_the_full_disk_can_be_recovered(tmp_path, manifest, numbe
     numbers = read_recording(tmp_path / "saved.mcap").samples.values[:, 0]
     assert report.scans >= 100
     assert numbers.tolist() == list(range(report.scans))
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("short_of", [30_000, 10])
+def test_a_recovery_onto_a_full_disk_leaves_nothing(
+    short_of, tmp_path, manifest, numbered, monkeypatch
+):
+    """Also where all but the summary fits: what was to be recovered stays as the way back."""
+    with Recorder(tmp_path / "a.mcap", manifest) as recorder:
+        for first in range(0, 2000, 100):
+            recorder.write(numbered(first, 100))
+            recorder.flush()
+    recover(tmp_path / "a.mcap", tmp_path / "fits.mcap")
+    room = (tmp_path / "fits.mcap").stat().st_size - short_of
+    opened = partial(Recorder, opener=lambda path: SmallDisk(path, room))
+    monkeypatch.setattr(recovery, "Recorder", opened)
+    output = tmp_path / "new" / "b.mcap"
+
+    with pytest.raises(RecordingFailed, match=r"room to write .*new/b\.mcap; the disk is full"):
+        recover(tmp_path / "a.mcap", output)
+    assert list(output.parent.iterdir()) == []
 
 
 @pytest.mark.data

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mcap.opcode import Opcode
 
+from taxel import held
 from taxel.errors import BadRecording
 from taxel.recordings import recovery
 from taxel.recordings.manifest import Manifest
@@ -255,9 +256,12 @@ def test_a_first_recording_whose_last_bytes_are_gone_hides_no_second(finished, t
 
 
 def test_what_a_killed_recovery_left_is_in_nobody_s_way(finished, tmp_path: Path):
-    (tmp_path / "b.recovering").write_bytes(b"half")
+    killed = tmp_path / ".taxel-b.mcap-killed"
+    killed.mkdir()
+    (killed / ".owner").write_bytes(held._SIGN + bytes(tmp_path / "b.mcap"))
+    (killed / "made.part").write_bytes(b"half")
     assert recover(finished, tmp_path / "b.mcap").scans == 120
-    assert not (tmp_path / "b.recovering").exists()
+    assert not killed.exists()
 
 
 def test_a_recovery_that_is_interrupted_ends_by_that_and_leaves_nothing(finished, tmp_path: Path):

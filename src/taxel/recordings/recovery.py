@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import contextlib
 import mmap
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +37,7 @@ from taxel.recordings.walk import (
     parse_channel,
     parse_metadata,
 )
+from taxel.recordings.whole import whole_file
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples
 
@@ -155,26 +155,24 @@ def _copy(
     rates_hz = [camera.rate_hz for camera in manifest.cameras]
     gaps = _Gaps(manifest.sensor.rate_hz if manifest.sensor.channels else max(rates_hz, default=0))
     # Not `output` itself: its .part is the very file that is most often recovered.
-    scratch = output.with_name(f"{output.stem}.recovering")
-    recorder = Recorder(scratch, manifest, overwrite=True)
-    try:
-        for piece in _pieces(content, effort):
-            progress(piece.end / len(content))
-            if piece.opcode is None:
-                report.damaged_stretches += 1
-                report.bytes_skipped += piece.end - piece.start
-                gaps.opened()
-            elif piece.opcode == Opcode.CHUNK:
-                _copy_chunk(piece.content, manifest, recorder, report, gaps)
-            elif piece.opcode == Opcode.FOOTER:
-                report.was_complete = content[-len(MAGIC) :] == MAGIC
-        report.time_lost_s = gaps.lost_s
-        recorder.close("recovered")
-        os.replace(scratch, output)
-    except BaseException:
-        recorder.discard()
-        scratch.unlink(missing_ok=True)
-        raise
+    with whole_file(output) as scratch:
+        recorder = Recorder(scratch, manifest)
+        try:
+            for piece in _pieces(content, effort):
+                progress(piece.end / len(content))
+                if piece.opcode is None:
+                    report.damaged_stretches += 1
+                    report.bytes_skipped += piece.end - piece.start
+                    gaps.opened()
+                elif piece.opcode == Opcode.CHUNK:
+                    _copy_chunk(piece.content, manifest, recorder, report, gaps)
+                elif piece.opcode == Opcode.FOOTER:
+                    report.was_complete = content[-len(MAGIC) :] == MAGIC
+            report.time_lost_s = gaps.lost_s
+            recorder.close("recovered")
+        except BaseException:
+            recorder.discard()
+            raise
     return report
 
 
