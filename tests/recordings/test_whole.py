@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 
-from taxel.recordings.whole import whole_file
+import pytest
+
+from taxel.errors import RecordingFailed
+from taxel.recordings.whole import whole_file, whole_folder
 
 
 def test_two_writers_of_one_file_do_not_meet(tmp_path: Path) -> None:
@@ -20,3 +25,16 @@ def test_two_writers_of_one_file_do_not_meet(tmp_path: Path) -> None:
 
     assert path.read_bytes() == b"first"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_that_cannot_take_its_name_is_one_plain_line(tmp_path, monkeypatch):
+    """As where the older folder is a mount point."""
+
+    def busy(old: Path, new: Path) -> None:
+        raise OSError(errno.EBUSY, "Device or resource busy")
+
+    (tmp_path / "run").mkdir()
+    refused = pytest.raises(RecordingFailed, match=r"needed to write .*run; got Device")
+    with refused, whole_folder(tmp_path / "run"):
+        monkeypatch.setattr(os, "replace", busy)
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]

@@ -105,11 +105,22 @@ def whole_folder(path: Path) -> Iterator[Path]:
     """
     with scratch_folder(path) as scratch:
         made = scratch / MADE
-        made.mkdir()
+        with _refused(path):
+            made.mkdir()
         yield made
-        if path.exists():
-            os.replace(path, scratch / REPLACED)
-        os.replace(made, path)
+        with _refused(path):
+            if path.exists():
+                os.replace(path, scratch / REPLACED)
+            os.replace(made, path)
+
+
+@contextmanager
+def _refused(path: Path) -> Iterator[None]:
+    """Give what the disk refuses in the block as one plain line."""
+    try:
+        yield
+    except OSError as error:
+        raise not_written(path, error) from error
 
 
 @contextmanager
