@@ -127,6 +127,10 @@ def _open_jaka(name: str, texts: dict[str, str], clock: Clock) -> Actuator:
 
 def _open_udp(name: str, texts: dict[str, str], clock: Clock) -> Actuator:
     options = _parsed("udp://", texts, _UDP)
+    if "force_table" in options and "max_force_n" not in options:
+        raise BadInput(
+            "max_force_n, the force at 100 %, beside force_table", "none", "add it to the address"
+        )
     force = _force(options) if "max_force_n" in options else None
     output = open_udp(name, options.pop("allow_other_hosts", False), clock)
     return OutputActuator(f"UDP to {name}", output, force)
@@ -169,12 +173,12 @@ def _sim_hand(options: _Options, clock: Clock) -> Actuator:
 def _raise(options: _Options) -> CurrentRaise | None:
     """Take out of the options how the contact current is raised; None where it is not."""
     named = {key: options.pop(key) for key in _RAISE if key in options}
-    if not {"raise_ma", "most_ma"} & set(named):
+    if not named:
         return None
     if not {"raise_ma", "most_ma"} <= set(named):
         raise BadInput(
             "raise_ma with most_ma: steps of the contact current and their bound",
-            f"{', '.join(named)} alone", "name both, or neither",
+            f"{', '.join(named)} alone", "name both, or none",
         )  # fmt: skip
     named["step_ma"] = named.pop("raise_ma")
     return CurrentRaise(**named)
