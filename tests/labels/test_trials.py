@@ -121,6 +121,7 @@ def test_a_label_of_measured_figures_is_named_as_such():
     assert figures_as_classes([f"k{n}" for n in range(90)], "name") is None
     assert figures_as_classes([str(n) for n in range(10)] * 3, "digit") is None
     assert figures_as_classes(["1", "2", "3"], "grip") is None
+    assert figures_as_classes([f"{n}_{n + 1}" for n in range(20)], "day_and_run") is None
 
 
 def test_what_stands_for_no_answer_is_no_class():

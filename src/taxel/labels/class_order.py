@@ -55,6 +55,8 @@ def figures_as_classes(labels: Sequence[str], target: str) -> str | None:
         figures = [float(name) for name in classes]
     except ValueError:
         return None
+    if any("_" in name for name in classes):  # 1_10 is a name, though Python reads it as 110
+        return None
     if not all(map(math.isfinite, figures)) or len(classes) < max(_FEWEST_FIGURES, len(labels) / 2):
         return None
     return (
