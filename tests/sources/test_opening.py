@@ -6,10 +6,17 @@ import pytest
 
 from taxel.clock import ManualClock
 from taxel.errors import BadInput, BadRecording, BadSource, TaxelError
+from taxel.foreign.addresses import read_options, write_options
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import SensorInfo
-from taxel.sources.opening import at_full_speed, open_source, refuse_replayed
+from taxel.sources.opening import (
+    at_full_speed,
+    open_source,
+    recordings_of,
+    refuse_replayed,
+    replayed_files,
+)
 
 BAD = {
     "sim://hand": "sim://teng",
@@ -97,6 +104,27 @@ def test_full_speed_is_added_only_where_no_speed_is_named():
     assert at_full_speed("sim://teng?seed=2") == "sim://teng?seed=2&speed=max"
     assert at_full_speed("sim://teng?speed=3") == "sim://teng?speed=3"
     assert at_full_speed("a/b.mcap") == "replay://a/b.mcap?speed=max"
+
+
+@pytest.mark.parametrize("name", ["why?.mcap", "so? why?.mcap", "a?b"])
+def test_a_name_with_question_marks_takes_options_as_well(tmp_path: Path, name: str):
+    info = SensorInfo(name="t", channels=("a",), units=("V",), rate_hz=10.0)
+    file = tmp_path / name if name.endswith(".mcap") else tmp_path / name / "x.mcap"
+    with Recorder(file, Manifest(sensor=info)):
+        pass
+    for url in (f"replay://{tmp_path / name}?speed=2", at_full_speed(str(tmp_path / name))):
+        (own,) = recordings_of(url)
+        assert replayed_files(own) == [file]
+        with open_source(own, ManualClock()) as source:
+            assert source.info == info
+
+
+def test_options_come_through_another_address_as_they_were():
+    """A plus sign is itself, a percent sign escapes."""
+    assert read_options("config=/home/c++/a.json") == {"config": "/home/c++/a.json"}
+    odd = {"a": "50% & more?", "b": "/dev/x y,[::1]:5", "c": "ä=+#"}
+    assert read_options(write_options(odd)) == odd
+    assert write_options({"rate_hz": "30", "port": "/dev/a,b"}) == "rate_hz=30&port=/dev/a,b"
 
 
 def test_every_bad_address_is_an_error_of_taxels():

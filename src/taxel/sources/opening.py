@@ -19,7 +19,7 @@ from pathlib import Path
 
 from taxel.clock import Clock, SystemClock
 from taxel.errors import BadInput, BadSource, MissingExtra
-from taxel.foreign.addresses import read_options
+from taxel.foreign.addresses import read_options, write_options
 from taxel.recordings.reader import list_recordings
 from taxel.sources.contract import Source
 
@@ -94,7 +94,7 @@ def open_source(url: str | Path, clock: Clock | None = None) -> Source:
 
     Args:
         url: An address as above, or the file of a recording. What follows :// is taken as it
-            stands, up to the first question mark.
+            stands, up to the first question mark; a recording's name may hold question marks.
         clock: The host's clock unless given.
 
     Raises:
@@ -117,7 +117,7 @@ def recordings_of(url: str) -> list[str]:
     scheme, name, options = _split(url)
     if scheme != "replay" or not Path(name).is_dir():
         return [url]
-    query = "&".join(f"{key}={value}" for key, value in options.items())
+    query = write_options(options)
     return [
         f"replay://{path}?{query}" if query else str(path) for path in list_recordings(Path(name))
     ]
@@ -163,9 +163,7 @@ def at_full_speed(url: str) -> str:
     scheme, name, options = _split(url)
     if scheme not in _HURRIED or "speed" in options:
         return url
-    return f"{scheme}://{name}?" + "&".join(
-        f"{key}={value}" for key, value in {**options, "speed": "max"}.items()
-    )
+    return f"{scheme}://{name}?{write_options({**options, 'speed': 'max'})}"
 
 
 def _split(url: str) -> tuple[str, str, dict[str, str]]:
@@ -180,8 +178,8 @@ def _split(url: str) -> tuple[str, str, dict[str, str]]:
             return "replay", url, {}
         scheme, rest = "replay", url
     name, _, query = rest.partition("?")
-    if scheme == "replay" and Path(rest).exists():  # a name may hold a question mark
-        name, query = rest, ""
+    if scheme == "replay" and "?" in rest:  # a name may hold question marks
+        name, query = _split_name(rest)
     folder = scheme == "replay" and Path(name).is_dir()
     if scheme not in SCHEMES or not name or not (found or name.endswith(".mcap") or folder):
         known = ", ".join(f"{scheme}://" for scheme in SCHEMES)
@@ -192,3 +190,12 @@ def _split(url: str) -> tuple[str, str, dict[str, str]]:
             "check the path, or try sim://teng" if absent else "try sim://teng",
         )
     return scheme, name, read_options(query, BadSource)
+
+
+def _split_name(rest: str) -> tuple[str, str]:
+    """Return a recording's name, the longest that exists, and the options behind it."""
+    cuts = [at for at, sign in enumerate(rest) if sign == "?"]
+    for at in (len(rest), *reversed(cuts)):
+        if Path(rest[:at]).exists():
+            return rest[:at], rest[at + 1 :]
+    return rest[: cuts[0]], rest[cuts[0] + 1 :]
