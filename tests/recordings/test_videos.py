@@ -106,6 +106,20 @@ def test_a_faulty_partner_is_refused_in_one_line(
     assert not list(tmp_path.glob(".taxel-import-*"))
 
 
+@pytest.mark.parametrize("name", ["10:30.mp4", "file:x.mp4"])
+def test_a_video_may_be_called_by_the_time_of_day(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = tmp_path / "plain.mp4"
+    writer = cv2.VideoWriter(str(plain), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (64, 48))
+    for level in range(20):
+        writer.write(np.full((48, 64, 3), level, np.uint8))
+    writer.release()
+    plain.rename(tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    assert len(list(Video(Path(name)).frames())) == 20
+
+
 def test_a_table_names_videos_labels_and_groups(tmp_path: Path, pair: dict[str, Path]) -> None:
     table = tmp_path / "table.csv"
     table.write_text("left,right,label:outcome,group:object,rate\nleft.avi,right.avi,slip,mug,30\n")

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from decimal import Decimal
@@ -73,6 +74,11 @@ _DECIMAL = re.compile(r"(.*?)(\d+)\.(\d+)")
 """A stem that ends in a decimal, as of images named by their moments."""
 
 
+def _opened(path: Path) -> cv2.VideoCapture:
+    """Return an open file. FFmpeg takes what is before a colon, as in 10:30, for a protocol."""
+    return cv2.VideoCapture(os.path.abspath(path))
+
+
 class Video:
     """An open video file that knows whether it is whole."""
 
@@ -81,7 +87,7 @@ class Video:
         if not path.is_file():
             raise no_file(path)
         _refuse_cut(path)
-        self._capture = cv2.VideoCapture(str(path))
+        self._capture = _opened(path)
         self.steps_s: tuple[float, float] | None = None
         """Shortest and longest time from frame to frame, by the file's time stamps, once `frames`
         has given two."""
@@ -101,7 +107,7 @@ class Video:
             self.count = 0
             while self._capture.grab():
                 self.count += 1
-            self._capture = cv2.VideoCapture(str(path))
+            self._capture = _opened(path)
 
     def digest(self) -> str:
         """Return the SHA-256 of the file, hexadecimal."""
