@@ -14,6 +14,7 @@ import io
 import math
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -80,15 +81,23 @@ def append_trial(path: Path, trial: GraspTrial) -> None:
     """Add a line to a log; the first one brings the names of the columns.
 
     Raises:
-        OSError: The disk refused.
+        OSError: The disk refused; the log is as it was.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    if not path.exists():
-        writer.writerow(COLUMNS)
-    writer.writerow([_cell(value) for value in asdict(trial).values()])
-    with path.open("a", encoding="utf-8") as file:
-        file.write(text.getvalue())
+    with path.open("ab", buffering=0) as file:
+        before = file.tell()
+        if not before:
+            writer.writerow(COLUMNS)
+        writer.writerow([_cell(value) for value in asdict(trial).values()])
+        left = text.getvalue().encode()
+        try:
+            while left:
+                left = left[file.write(left) :]
+        except OSError:
+            with suppress(OSError):  # half a line would make the whole log another table
+                file.truncate(before)
+            raise
 
 
 def read_trial_log(path: Path) -> list[GraspTrial]:
