@@ -66,6 +66,13 @@ def test_json_beyond_the_bounds_is_refused(text: str | bytes, word: str) -> None
         parse_json(text)
 
 
+@pytest.mark.parametrize("text", ["1e999", "-1E400", "Infinity", "NaN"])
+def test_where_numbers_are_finite_no_spelling_of_infinity_is_read(text: str) -> None:
+    with pytest.raises(BadFile, match=text):
+        parse_json(f'{{"a": [{text}]}}', finite=True)
+    assert parse_json('{"a": [1.5e3, -2.0]}', finite=True) == {"a": [1500.0, -2.0]}
+
+
 def test_json_within_the_bounds_is_read() -> None:
     """Brackets within texts do not count as depth, and a pair of surrogates is a letter."""
     found = {"a": ["[" * 500, '\\"', "😀"], "b": {"c": [1, 2.5, None, True]}}

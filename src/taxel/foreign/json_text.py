@@ -43,7 +43,8 @@ def read_json(path: Path, most: int = LARGEST, *, finite: bool = False) -> Any:
     Args:
         path: The file.
         most: Bytes that it may have.
-        finite: Refuse NaN and infinity, which are no JSON but Python's.
+        finite: Refuse NaN and infinity, which are no JSON but Python's, and 1e999, which Python
+            reads as infinity.
 
     Raises:
         BadFile: It is no plain file, too large, no JSON, or beyond the bounds of this module.
@@ -58,7 +59,8 @@ def parse_json(text: str | bytes, most_values: int = MOST_VALUES, *, finite: boo
     Args:
         text: UTF-8, where it is bytes.
         most_values: Commas and openings that it may have.
-        finite: Refuse NaN and infinity, which are no JSON but Python's.
+        finite: Refuse NaN and infinity, which are no JSON but Python's, and 1e999, which Python
+            reads as infinity.
 
     Raises:
         BadFile: It is no JSON, or too deep, or has too many values, an integer beyond 64 bits,
@@ -70,10 +72,11 @@ def parse_json(text: str | bytes, most_values: int = MOST_VALUES, *, finite: boo
         if text.count(",") + text.count("[") + text.count("{") > most_values:
             _refuse(f"more than {most_values:,} values")
         _refuse_deep(text)
-        constant = _no_constant if finite else float
         parsed = json.loads(
-            text, object_pairs_hook=_once, parse_int=_integer, parse_constant=constant
-        )
+            text, object_pairs_hook=_once, parse_int=_integer,
+            parse_float=_finite if finite else None,
+            parse_constant=_no_constant if finite else float,
+        )  # fmt: skip
         if _SURROGATE.search(text):
             json.dumps(parsed, ensure_ascii=False).encode()
     except BadFile:
@@ -250,6 +253,11 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _no_constant(name: str) -> NoReturn:
     _refuse(f"{name}, which is no number")
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    return number if math.isfinite(number) else _refuse(f"{text}, beyond 64 bits")
 
 
 def _integer(digits: str) -> int:
