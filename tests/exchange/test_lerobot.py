@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadDataset, BadInput
-from taxel.recordings.reader import iterate_frames, read_recording
+from taxel.exchange import episodes
+from taxel.recordings.reader import iterate_frames, iterate_jpeg, read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import Validity
 from taxel.sim.pour.state import TRUTH_CHANNELS
@@ -153,6 +154,40 @@ def test_marks_may_be_the_episodes(recordings, tmp_path):
     assert 100.2 <= first.samples.fitted_s[0] <= first.samples.fitted_s[-1] <= 100.6
 
 
+def test_images_before_a_mark_are_not_held(make, tmp_path, monkeypatch):
+    """An hour's images do not fit into memory."""
+    alive = [0, 0]
+
+    class Counted(bytes):
+        def __del__(self) -> None:
+            alive[0] -= 1
+
+    def counted(path):
+        for frame in iterate_jpeg(path):
+            yield replace(frame, jpeg=Counted(frame.jpeg))
+            alive[0] += 1
+            alive[1] = max(alive)
+
+    monkeypatch.setattr(episodes, "iterate_jpeg", counted)
+    path = make(tmp_path / "a.mcap")
+    rhythm = episodes.rhythm_of(read_recording(path).manifest, path, None, None)
+    _, late = episodes.episodes_of(path, rhythm, "mark")
+    alive[:] = [0, 0]
+    assert len(list(map(len, late.frames()))) == len(late)
+    assert alive[1] < 8
+
+
+@pytest.mark.parametrize(("what", "mend"), [("array", "import it again"), ("camera", "--fps")])
+def test_a_rate_that_is_not_known_is_asked_for_where_it_can_be_given(what, mend, make, tmp_path):
+    manifest = read_recording(make(tmp_path / "a.mcap")).manifest
+    unknown = {
+        "array": replace(manifest, sensor=replace(manifest.sensor, rate_hz=0.0)),
+        "camera": replace(manifest, cameras=(replace(manifest.cameras[0], rate_hz=0.0),)),
+    }[what]
+    with pytest.raises(BadDataset, match=f"{what} has a rate.*{mend}"):
+        episodes.rhythm_of(unknown, tmp_path / "a.mcap", None, None)
+
+
 def test_lost_images_and_scans_are_counted(make, tmp_path):
     """What fits no frame is said, never dropped in silence."""
     path = make(tmp_path / "a.mcap")
@@ -238,6 +273,24 @@ def test_somebody_elses_data_set_gives_state_and_images_at_frame_over_fps(record
     assert (
         frames[3].jpeg == next(f for f in iterate_frames(recordings[0], 0) if f.counter == 3).jpeg
     )
+
+
+@pytest.mark.parametrize("names", [["channels", "height", "width"], None])
+def test_somebody_elses_images_may_have_their_channels_first(names, recordings, tmp_path):
+    write_lerobot(recordings, tmp_path / "set")
+    place = tmp_path / "set" / layout.EPISODES
+    table = pq.read_table(place)
+    own = [name for name in table.column_names if name.startswith(layout.OWN)]
+    pq.write_table(table.drop_columns(own), place)
+    file = tmp_path / "set" / layout.INFO
+    info = json.loads(file.read_text())
+    for side in ("left", "right"):
+        info["features"][f"observation.images.{side}"] |= {"shape": [3, 24, 32], "names": names}
+    file.write_text(json.dumps(info))
+
+    back = import_lerobot(tmp_path / "set", tmp_path / "back")
+    cameras = read_recording(back[0]).manifest.cameras
+    assert [(camera.width, camera.height) for camera in cameras] == [(32, 24)] * 2
 
 
 def test_different_arrays_do_not_make_a_data_set(make, recordings, tmp_path):

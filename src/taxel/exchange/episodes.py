@@ -115,14 +115,16 @@ class Episode:
         seen = [0] * cameras
         due = 0
         for frame in iterate_jpeg(self.path):
-            held[frame.camera][seen[frame.camera]] = frame
+            number = seen[frame.camera]
             seen[frame.camera] += 1
+            if number >= self.images[frame.camera, due]:  # those before a mark are not held
+                held[frame.camera][number] = frame
             while due < len(self) and all(self.images[c, due] in held[c] for c in range(cameras)):
                 yield tuple(held[c][int(self.images[c, due])] for c in range(cameras))
                 due += 1
                 for c in range(cameras if due < len(self) else 0):
-                    for number in [n for n in held[c] if n < self.images[c, due]]:
-                        del held[c][number]
+                    for old in [n for n in held[c] if n < self.images[c, due]]:
+                        del held[c][old]
             if due == len(self):
                 return
 
@@ -149,10 +151,11 @@ def rhythm_of(manifest: Manifest, path: Path, fps: int | None, rows: int | None)
         BadInput: Both are given where one follows from the other.
     """
     sensor, cameras = manifest.sensor, manifest.of_jpeg
-    if (sensor.channels and sensor.rate_hz <= 0) or (
-        cameras and cameras[0].rate_hz <= 0 and not fps
-    ):
-        raise BadDataset("a recording whose rates are known", f"{path} without", "give --fps")
+    if sensor.channels and sensor.rate_hz <= 0:
+        raise BadDataset("a recording whose array has a rate", f"{path} without",
+                         "record or import it again with its rate")  # fmt: skip
+    if cameras and cameras[0].rate_hz <= 0 and not fps:
+        raise BadDataset("a recording whose camera has a rate", f"{path} without", "give --fps")
     if cameras:
         fps = fps or max(1, round(cameras[0].rate_hz))
         rows = rows or math.ceil(MARGIN * sensor.rate_hz / fps)

@@ -23,6 +23,9 @@ from taxel.recordings.imports.videos import QUALITY
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 
+_COLOURS = (1, 3, 4)
+"""Channels that an image may have."""
+
 
 @dataclass(frozen=True, slots=True)
 class Info:
@@ -38,6 +41,16 @@ class Info:
     def shape(self, key: str) -> tuple[int, ...]:
         """Return a feature's shape."""
         return tuple(int(side) for side in self.features[key].items("shape"))
+
+    def size(self, key: str) -> tuple[int, int]:
+        """Return height and width of an image's feature: by its names, else the channels' place."""
+        shape = self.shape(key)
+        named = self.features[key].any("names")
+        sides = ("height", "width")
+        if isinstance(named, list) and len(named) == len(shape) and set(sides) <= set(named):
+            return shape[named.index("height")], shape[named.index("width")]
+        first = len(shape) == 3 and shape[0] in _COLOURS and shape[2] not in _COLOURS
+        return shape[1:3] if first else shape[:2]
 
 
 def state_key(info: Info) -> str | None:
@@ -104,7 +117,7 @@ class ForeignEpisode:
         details = {"time": "frame number over rate", "imported_from": "LeRobot"}
         cameras = []
         for key in info.keys("image"):
-            height, width = info.shape(key)[:2]
+            height, width = info.size(key)
             name = key.removeprefix("observation.images.").replace("/", "_")
             cameras.append(CameraInfo(name=name, width=width, height=height,
                                       rate_hz=float(info.fps), details=details))  # fmt: skip
