@@ -172,3 +172,22 @@ def test_signs_of_life_are_read_to_the_letter() -> None:
 def test_how_long_ago_a_station_was_heard_is_said_in_its_unit(age_s: float, words: str) -> None:
     """A station that was switched off on Friday was, on Monday, heard "216000 s ago"."""
     assert ago(age_s) == words
+
+
+@pytest.mark.parametrize("sign", ["ä", "\U0001f590", "\udce4", "\x07"])
+def test_a_report_of_many_long_texts_is_not_refused(sign: str) -> None:
+    """A station in DANGER would be shown as silent; half a letter comes from a file's name."""
+    many = [{"kind": sign * 400, "text": sign * 400, "level": "danger", "since_s": 1.0,
+             "acknowledged": False}] * 20  # fmt: skip
+    parts = [{"name": sign * 400, "state": sign * 400, "lost": 1, "dropped": 1}] * 20
+    identity = Identity(
+        station="grip-1", boot="b" * 32, version="1.0", bundles=(sign * 70,) * 20
+    )  # fmt: skip
+    state = {"state": "DANGER", "reason": sign * 400, "time_s": 2.0, "alarms": many,
+             "consumers": parts}  # fmt: skip
+    content = make_report(identity, 0, state, parts, 1.8e9).as_bytes()
+
+    found = read_report(content)
+    assert (found.station, found.boot, found.state) == ("grip-1", "b" * 32, "DANGER")
+    assert [alarm.level for alarm in found.alarms] == ["danger"] * 16
+    assert len(found.alarms[0].text) >= 12

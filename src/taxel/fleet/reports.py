@@ -30,6 +30,8 @@ _MOST = 16
 """Alarms, sources, processes and bundles in a report, each; further ones are counted only."""
 _LONGEST = 300
 """Characters of a text in a report."""
+_SHORTER = (_LONGEST, 100, 30, 12)
+"""Characters of the texts in lists, the most that a report of many has room for. Our choice."""
 _LARGE = 1e15
 """Seconds above which no time or age in a report is believed."""
 _LEVELS = ("warning", "danger")
@@ -84,8 +86,15 @@ class Report:
     """The station's wall clock; only as true as that is."""
 
     def as_bytes(self) -> bytes:
-        """Return the report as JSON."""
-        return json.dumps(asdict(self), allow_nan=False, separators=(",", ":")).encode()
+        """Return the report as JSON of at most `LARGEST` bytes; long texts are cut for that."""
+        content = b""
+        for longest in _SHORTER:
+            values = {name: _shortened(value, longest) for name, value in asdict(self).items()}
+            text = json.dumps(values, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+            content = text.encode("utf-8", "replace")  # a path may hold half a letter
+            if len(content) <= LARGEST:
+                break
+        return content
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,6 +223,17 @@ def _part(value: object) -> Part:
 
 def _text(given: Fields, name: str) -> str:
     return _cut(given.text(name))
+
+
+def _shortened(value: object, longest: int) -> object:
+    """Return a field of a report with the texts in its lists cut."""
+    if isinstance(value, tuple):
+        return [_shortened(entry, longest) if isinstance(entry, dict) else entry[:longest]
+                for entry in value]  # fmt: skip
+    if isinstance(value, dict):
+        return {key: text[:longest] if isinstance(text, str) else text
+                for key, text in value.items()}  # fmt: skip
+    return value
 
 
 def _cut(text: object) -> str:
