@@ -1,6 +1,7 @@
 """Claims about the process that lets HDF5's library read a file first."""
 
 import struct
+import subprocess
 import sys
 import time
 
@@ -93,3 +94,16 @@ def test_only_spent_memory_ends_the_child(error):
     with pytest.raises(SystemExit) as ended:
         hdf5_child.quiet(lambda: fail(error))
     assert ended.value.code == 1
+
+
+def test_a_lower_limit_of_the_systems_stays() -> None:
+    """As of a batch system: the child could not raise it, and every file was refused as damaged."""
+    code = (
+        "import resource; from taxel.foreign import hdf5_child; "
+        "resource.setrlimit(resource.RLIMIT_CPU, (20, 30)); hdf5_child.limit(); "
+        "print(resource.getrlimit(resource.RLIMIT_CPU))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert run.stdout == "(30, 30)\n", run.stderr

@@ -38,16 +38,22 @@ def limit() -> None:
         import resource
     except ModuleNotFoundError:  # no such limits on this system: the parent's clock remains
         return
+
+    def at_most(kind: int, most: int) -> None:
+        _, highest = resource.getrlimit(kind)  # a lower one of the system's stays
+        most = most if highest == resource.RLIM_INFINITY else min(most, highest)
+        resource.setrlimit(kind, (most, most))
+
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.setitimer(signal.ITIMER_REAL, WALL_S)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S))
+    at_most(resource.RLIMIT_CPU, CPU_S)
     try:
         with open("/proc/self/status") as status:
             held = next(int(line.split()[1]) for line in status if line.startswith("VmData:"))
     except (OSError, StopIteration):
         return
-    resource.setrlimit(resource.RLIMIT_DATA, (held * 1024 + MEMORY,) * 2)
+    at_most(resource.RLIMIT_DATA, held * 1024 + MEMORY)
 
 
 def read(item: Any) -> None:
