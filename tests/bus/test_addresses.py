@@ -27,6 +27,8 @@ def test_an_address_names_host_port_and_station() -> None:
         ("zenoh://lab.example:7447/a?connect=yes", "on this machine"),
         ("zenoh://127.0.0.1:0/a", "a port within 1 and 65535"),
         ("zenoh://127.0.0.1:99999/a", "a port within 1 and 65535"),
+        ("zenoh://::1", "IPv6 address in brackets"),
+        ("zenoh://fe80::1:7447/a", "IPv6 address in brackets"),
         ("zenoh://127.0.0.1:7447/a/b", "a station's name"),
         ("zenoh://127.0.0.1:7447/**", "a station's name"),
         ("zenoh://127.0.0.1:7447/a?speed=2", "options of zenoh://"),

@@ -158,6 +158,9 @@ def _host_port(where: str, port: int) -> tuple[str, int]:
         host, number = where, str(port)
     if not re.fullmatch(r"[0-9]{1,5}", number) or not 0 < int(number) < 1 << 16:
         raise BadInput("a port within 1 and 65535", repr(where), "mend the address")
+    if ":" in host and not (host.startswith("[") and host.endswith("]")):
+        raise BadInput("an IPv6 address in brackets, such as [::1]", repr(where),
+                       "write its brackets")  # fmt: skip
     host = host.removeprefix("[").removesuffix("]")
     if not re.fullmatch(r"[A-Za-z0-9.:-]*", host):
         raise BadInput("a host's name or address", repr(host), "mend the address")
