@@ -231,3 +231,9 @@ def test_a_folder_lists_its_recordings_by_name(finished, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(BadRecording, match="taxel simulate"):
         list_recordings(tmp_path / "empty")
+
+
+def test_what_macos_leaves_beside_a_recording_is_no_recording(finished):
+    beside = finished.with_name(f"._{finished.name}")
+    beside.write_bytes(b"\0\5\x16\7" + bytes(78))
+    assert list_recordings(finished.parent) == [finished]

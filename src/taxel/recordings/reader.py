@@ -239,6 +239,8 @@ def how_ended(path: Path | str) -> str:
 def list_recordings(path: Path | str) -> list[Path]:
     """Return the recordings of a data set: a folder's *.mcap by name, or the one file.
 
+    Not ._*.mcap: macOS leaves such a file beside each that it copies to a foreign disk.
+
     Raises:
         BadRecording: There is none, or one is unfinished and was not recovered.
     """
@@ -252,7 +254,7 @@ def list_recordings(path: Path | str) -> list[Path]:
     unfinished = [part for part in parts if not part.with_suffix("").exists()]
     if unfinished:
         raise damaged(unfinished[0], "a recording that was not finished")
-    found = sorted(path.glob("*.mcap"))
+    found = sorted(file for file in path.glob("*.mcap") if not file.name.startswith("._"))
     if not found:
         raise BadRecording("a folder with recordings (*.mcap)", f"none in {path}", _instead(path))
     return found
