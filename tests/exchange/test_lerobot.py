@@ -154,6 +154,14 @@ def test_marks_may_be_the_episodes(recordings, tmp_path):
     assert 100.2 <= first.samples.fitted_s[0] <= first.samples.fitted_s[-1] <= 100.6
 
 
+def test_where_no_recording_has_a_mark_it_is_marks_that_are_asked_for(make, tmp_path):
+    manifest = read_recording(make(tmp_path / "a.mcap", cameras=False)).manifest
+    with Recorder(tmp_path / "b.mcap", manifest) as recorder:
+        recorder.write(read_recording(tmp_path / "a.mcap").samples)
+    with pytest.raises(BadDataset, match="with marks to cut it at; got none"):
+        write_lerobot([tmp_path / "b.mcap"], tmp_path / "set", cut="mark")
+
+
 def test_images_before_a_mark_are_not_held(make, tmp_path, monkeypatch):
     """An hour's images do not fit into memory."""
     alive = [0, 0]

@@ -100,7 +100,7 @@ def write_lerobot(
                 progress(done, len(paths))
         finally:
             writer.close_data()
-        writer.finish(paths[0])
+        writer.finish(paths[0], "scans or images" if cut == "recording" else "marks to cut it at")
     return writer.written
 
 
@@ -178,14 +178,18 @@ class _Writer:
             self._data.close()
             self._data = None
 
-    def finish(self, first: Path) -> None:
+    def finish(self, first: Path, needed: str) -> None:
         """Write the folder meta/: episodes, tasks, statistics and info.
+
+        Args:
+            first: A recording, for messages.
+            needed: What an episode is made of, for messages.
 
         Raises:
             BadDataset: There was nothing to write.
         """
         if not self._rows:
-            raise BadDataset("a recording with scans or images", f"none in {first}", "check it")
+            raise BadDataset(f"a recording with {needed}", f"none in {first}", "check it")
         written = self.written
         written.episodes, written.tasks = len(self._rows), list(self._tasks)
         (self._folder / layout.EPISODES).parent.mkdir(parents=True)
