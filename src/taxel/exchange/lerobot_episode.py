@@ -50,7 +50,8 @@ class Info:
         if isinstance(named, list) and len(named) == len(shape) and set(sides) <= set(named):
             return shape[named.index("height")], shape[named.index("width")]
         first = len(shape) == 3 and shape[0] in _COLOURS and shape[2] not in _COLOURS
-        return shape[1:3] if first else shape[:2]
+        height, width = shape[1:] if first else shape[:2]
+        return height, width
 
 
 def state_key(info: Info) -> str | None:
