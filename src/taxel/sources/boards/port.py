@@ -66,6 +66,7 @@ class SerialPort:
         self._baud = baud
         self._clock = clock
         self._chunks: deque[Chunk] = deque()
+        self._queue = threading.Lock()
         self._port: serial.Serial | None = None
         self._lock = threading.Lock()
         self._ending = threading.Event()
@@ -86,9 +87,9 @@ class SerialPort:
 
     def take(self) -> list[Chunk]:
         """Return what came since the last call, oldest first; never waits."""
-        taken = []
-        for _ in range(len(self._chunks)):
-            taken.append(self._chunks.popleft())
+        with self._queue:
+            taken = list(self._chunks)
+            self._chunks.clear()
         return taken
 
     def write(self, data: bytes) -> bool:
@@ -158,10 +159,14 @@ class SerialPort:
             self._looked_s = now_s
 
     def _put(self, chunk: Chunk) -> None:
-        if len(self._chunks) >= _KEPT_CHUNKS and chunk.data:
-            self._chunks.popleft()
-            self.overrun += 1
-        self._chunks.append(chunk)
+        with self._queue:
+            if len(self._chunks) >= _KEPT_CHUNKS and chunk.data:
+                oldest = (place for place, kept in enumerate(self._chunks) if kept.data)
+                place = next(oldest, None)
+                if place is not None:  # that the port was lost, or opened again, is kept
+                    del self._chunks[place]
+                    self.overrun += 1
+            self._chunks.append(chunk)
 
 
 def trouble_of(path: str, baud: int) -> str:
