@@ -86,6 +86,14 @@ def test_reference_touches_are_never_judged(model: Model, touches: list[Recorded
     assert len(answers.grasps) == sum(len(touch.trials) - 3 for touch in touches)
 
 
+def test_a_recording_that_lost_every_scan_answers_nothing(model: Model, touches: list[Recorded]):
+    """As a short one may by the fault of lost scans."""
+    last = replace(touches[-1], samples=touches[-1].samples[:0])
+    answers, sound = judge(model, [*touches[:-1], last]), judge(model, touches[:-1])
+    assert len(answers.y) == len(sound.y)
+    assert len(answers.grasps) >= len(sound.grasps)
+
+
 def test_sessions_within_one_recording_have_levels_of_their_own(
     model: Model, touches: list[Recorded]
 ):

@@ -141,7 +141,8 @@ def judge(
     outside, seconds = 0, 0.0
     for touch, windows, owner in _cut(contract, touches):
         outside += int((owner < 0).sum())
-        seconds += float(touch.samples.fitted_s[-1] - touch.samples.fitted_s[0])
+        times_s = touch.samples.fitted_s
+        seconds += float(times_s[-1] - times_s[0]) if len(times_s) else 0.0
         names = touch.sessions
         for name in np.unique(names):
             own = names == name
