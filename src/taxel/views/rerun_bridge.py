@@ -28,6 +28,8 @@ _MOST = 64
 """Messages of a ring taken at once: older ones are dropped by the ring, not queued here."""
 _ROW_S = 0.01
 """Time between logged rows of an array. Source: the common grid, docs/decisions/0003."""
+_ROUNDING_S = 0.0005
+"""A row may come so much sooner: times of 100 Hz are not 0.01 s apart to the last bit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,7 +113,7 @@ class _Bridge:
         elif isinstance(packet, Samples):
             sensor = self._view.sources[number].sensor
             for time_s, values in zip(packet.fitted_s.tolist(), packet.values, strict=True):
-                if time_s - self._row_s[number] >= _ROW_S:
+                if time_s - self._row_s[number] >= _ROW_S - _ROUNDING_S:
                     self._row_s[number] = time_s
                     rerun.set_time("time", duration=time_s)
                     rerun.log(f"arrays/{sensor.name}", rerun.Scalars(values.astype(np.float64)))
