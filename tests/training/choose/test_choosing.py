@@ -15,7 +15,6 @@ from taxel.evaluation.outer_split import OuterSplit
 from taxel.evaluation.table_split import GivenSplit
 from taxel.models.blend import Blend, read_plan
 from taxel.models.kernel_features import KERNELS, KernelFeatures
-from taxel.models.touchnet import TouchNet
 from taxel.training.choose.base import Base, load_base
 from taxel.training.choose.budget import TRYING, Budget
 from taxel.training.choose.candidates import Candidate, feature_sets, first_round
@@ -25,10 +24,8 @@ from taxel.training.choose.fit_choice import fit_choice
 from taxel.training.choose.inner_folds import Held
 from taxel.training.choose.kept_tries import KeptTries
 from taxel.training.choose.limits import Limits, fit_within
-from taxel.training.choose.networks import TRAIN, settle_norms
 from taxel.training.choose.preparations import Prepared, candidate_windows, prepare_all
 from taxel.training.choose.search import Effort, choose
-from taxel.training.loop import Labelled, evaluate, fit, new_network
 
 RNG = np.random.default_rng(0)
 
@@ -226,24 +223,6 @@ def test_a_member_that_does_not_fit_is_replaced_and_the_loss_is_known(base: Base
     assert sum(member.weight for member in less.members) == pytest.approx(1.0)
     assert (whole.accuracy, less.accuracy) == (1.0, 1.0)  # the others know the kinds as well
     assert less.loss != whole.loss
-
-
-@pytest.mark.slow
-def test_a_network_trained_on_noise_knows_channels_that_stand_still():
-    """Integer taxels that hardly move within a window: with the noise of training in its batch
-    norms TouchNet named one class for all."""
-    rng = np.random.default_rng(1)
-    y = np.arange(60) % 3
-    level = rng.integers(50, 200, (3, 12))
-    values = (level[y] + rng.integers(-2, 3, (60, 12)))[:, None, :].repeat(20, axis=1)
-    values[:, -1] += 40 * rng.integers(0, 2, (60, 12))
-    data = Labelled(values.astype(np.float32), np.ones((60, 20), bool), y)
-    network = new_network(lambda: TouchNet(20, 12, 3), 0)
-    fit(network, data, replace(TRAIN, epochs=3))
-
-    settle_norms(network, data)
-
-    assert evaluate(network, data)[1] > 0.9
 
 
 def test_a_split_of_single_windows_is_refused(recordings: Path):
