@@ -11,12 +11,32 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadDataset
-from taxel.exchange.ros2_bag import write_bags
+from taxel.exchange.ros2_bag import ros_topic, write_bags
 from taxel.frame_codec import encode_jpeg
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import iterate_frames, read_manifest, read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame
+
+
+@pytest.mark.parametrize(
+    ("recorded", "written"),
+    [
+        ("/camera/left", "/camera/left"),
+        ("/camera/left_2", "/camera/left_2"),
+        ("/camera/left-2", "/camera/left_2"),
+        ("/touch/my pad", "/touch/my_pad"),
+        ("/camera/0", "/camera/n0"),
+        ("/camera/a__b_", "/camera/a_b"),
+        ("/camera/左", "/camera/n"),
+    ],
+)
+def test_topics_of_a_bag_are_names_that_ros_accepts(recorded, written):
+    assert ros_topic(recorded) == written
+
+
+def test_two_names_that_become_one_topic_stay_apart():
+    assert ros_topic("/camera/left-2", ["/camera/left_2"]) == "/camera/left_2_2"
 
 
 def test_rosbags_reads_a_bag_folder_with_every_message(make, tmp_path):

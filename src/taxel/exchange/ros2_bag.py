@@ -12,9 +12,10 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -144,7 +145,11 @@ def _write_bag(path: Path, folder: Path) -> dict[str, int]:
         writer.start(profile="ros2", library="taxel")
         schemas: dict[str, int] = {}
         channels: dict[str, int] = {}
-        for topic, kind, log_ns, publish_ns, body in _messages(path):
+        names: dict[str, str] = {}
+        for recorded, kind, log_ns, publish_ns, body in _messages(path):
+            topic = names.get(recorded) or names.setdefault(
+                recorded, ros_topic(recorded, names.values())
+            )
             if topic not in channels:
                 if kind not in schemas:
                     schemas[kind] = writer.register_schema(kind, "ros2msg", _SCHEMAS[kind])
@@ -162,6 +167,31 @@ def _write_bag(path: Path, folder: Path) -> dict[str, int]:
     text = _metadata(name, types, counts, first_ns or 0, last_ns)
     (folder / "metadata.yaml").write_text(text, encoding="utf-8")
     return dict(counts)
+
+
+def ros_topic(topic: str, taken: Collection[str] = ()) -> str:
+    """Return a topic as ROS 2 accepts it: letters, digits and single underscores, no digit first.
+
+    Source: design.ros2.org, topic and service names.
+
+    Args:
+        topic: As recorded, such as /camera/left-2.
+        taken: Topics that other names have become.
+    """
+    parts = [_ros_token(part) for part in topic.split("/") if part]
+    name = "/" + "/".join(parts)
+    number = 2
+    while name in taken:
+        name = f"/{'/'.join(parts)}_{number}"
+        number += 1
+    return name
+
+
+def _ros_token(part: str) -> str:
+    if re.fullmatch(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*", part):
+        return part
+    token = re.sub(r"[^A-Za-z0-9]+", "_", part).strip("_")
+    return token if token[:1].isalpha() else f"n{token}"
 
 
 def _metadata(

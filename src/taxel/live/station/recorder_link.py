@@ -9,7 +9,6 @@ Background of our choices: docs/decisions/0019 and 0046.
 
 from __future__ import annotations
 
-import contextlib
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -169,22 +168,32 @@ class RecorderLink:
         self._closing = True
 
     def close(self) -> None:
-        """Log the grasps that ended late; say so where a recorder left a file incomplete."""
+        """Log the grasps that ended late; say so where that failed, or a file is incomplete."""
+        refused: list[OSError] = []
         for trial in self._unlogged:
             if self._log is not None:
-                with contextlib.suppress(OSError):
+                try:
                     append_trial(self._log, trial)
+                except OSError as error:
+                    refused.append(error)
         if self.newest.get("on"):
             self.incomplete.append(self.newest["path"])
+        if not self.incomplete and not refused:
+            return
+        own = [self.newest.get("error", "")]
+        errors = [error for error in own if error not in ("", self._broken)] + [
+            f"needed the recorder to complete {path}; got its end without that; "
+            f"run: {recover_command(Path(path))}."
+            for path in self.incomplete
+        ]
+        if refused:
+            errors.append(
+                f"needed to log {number_of(len(refused), 'grasp')} in {self._log}; got "
+                f"{refused[-1].strerror}; note their outcome by hand, and make room."
+            )
+        self.newest = {**self.newest, "error": "\n".join(errors)}
         if self.incomplete:
-            own = [self.newest.get("error", "")]
-            errors = [error for error in own if error not in ("", self._broken)] + [
-                f"needed the recorder to complete {path}; got its end without that; "
-                f"run: {recover_command(Path(path))}."
-                for path in self.incomplete
-            ]
-            self.newest = {**self.newest, "error": "\n".join(errors),
-                           "incomplete": list(self.incomplete)}  # fmt: skip
+            self.newest["incomplete"] = list(self.incomplete)
 
     def _take_in(self, now_s: float) -> None:
         for note in [] if self._news is None else notes_of(self._news.take()):
