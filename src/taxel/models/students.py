@@ -43,6 +43,8 @@ class Student:
     """What its numbers are, in words."""
     learning_rate: float
     """Adam's largest step size that fits the start: smaller where little is left to learn."""
+    start_digest: str = ""
+    """Of the weights that its numbers come from; empty where they are random."""
 
 
 def check_student(backbone: str, teacher: str, side_px: int) -> None:
@@ -78,18 +80,18 @@ def begin_student(backbone: str, start: Path | None, seed: int) -> Student:
     if start is not None:
         start_weights = find_weights(backbone, start)
         start_weights.load_into(module)
-        return Student(module, start_weights.words, NEAR)
+        return Student(module, start_weights.words, NEAR, start_weights.digest)
     relative = RELATIVES.get(backbone, "")
     weights = find_weights(relative) if relative else None
     if weights is not None and weights.label != RANDOM:
         other = find_backbone(relative).build("logits")
         weights.load_into(other)
         begin_with_relative(module, backbone, other, seed)
-        return Student(module, f"{relative}'s {weights.words}", NEAR)
+        return Student(module, f"{relative}'s {weights.words}", NEAR, weights.digest)
     for name in STARTS:
         weights = fetched_weights(name) if network_of(name) == backbone else None
         if weights is not None and weights.path is not None:
             load_backbone_weights(module, backbone, weights.path)
-            return Student(module, f"{name} ({weights.origin})", FAR)
+            return Student(module, f"{name} ({weights.origin})", FAR, weights.digest)
     fill_randomly(module, backbone, seed)
     return Student(module, "random numbers", FAR)

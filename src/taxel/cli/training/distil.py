@@ -103,7 +103,7 @@ class Distil:
             task = bar.add_task("learning", total=None)
             epochs = distil(
                 student.module, examples, self._config(student),
-                kept=KeptEpochs(checkpoint, self.resume),
+                kept=KeptEpochs(checkpoint, self.resume), start=student.start_digest,
                 on_step=lambda step, of, loss: bar.update(
                     task, description=f"learning, loss {loss:.3f}", completed=step, total=of
                 ),

@@ -124,6 +124,7 @@ def distil(
     config: DistilConfig,
     *,
     kept: KeptEpochs | None = None,
+    start: str = "",
     on_step: Callable[[int, int, float], None] = lambda _step, _of, _loss: None,
     on_fit: Callable[[int, int], None] = lambda _images, _of: None,
 ) -> tuple[DistilEpoch, ...]:
@@ -134,18 +135,19 @@ def distil(
         examples: What to learn from.
         config: How.
         kept: Where a run that is interrupted continues from; None keeps nothing.
+        start: Names what the network begins with: a checkpoint of another start is refused.
         on_step: Called with the step's number, how many there are and its loss.
         on_fit: Called before the first epoch with the images that the top was fitted to so far,
             and how many there are.
 
     Raises:
-        BadInput: The checkpoint is damaged or belongs to other images or another configuration, or
-            a gradient is no longer a number, or the card has too little memory.
+        BadInput: The checkpoint is damaged or belongs to other images, another start or another
+            configuration, or a gradient is no longer a number, or the card has too little memory.
         RecordingFailed: The disk refused.
     """
     network.to(examples.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
     adam = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
-    job = examples.digest()
+    job = f"{examples.digest()} {start}".rstrip()
     history: list[DistilEpoch] = []
     if kept is not None and kept.resume and kept.path.exists():
         history = load_checkpoint(kept.path, network, adam, config, DistilEpoch, job)

@@ -133,6 +133,8 @@ class EndToEnd(nn.Module):
         self.heads = nn.ModuleList([head.module for head in heads])
         first = heads[0]
         self.tare, self.frames = first.config.tare, first.config.frames
+        self.start = ""
+        """The weights that training begins with, by their digest; empty where nobody said."""
         self.offset: Tensor
         self.factor: Tensor
         self.register_buffer("offset", torch.from_numpy(first.offset))
@@ -199,6 +201,7 @@ def begin_end_to_end(
     module = find_backbone(extractor.backbone).build("places" if extractor.places else "logits")
     extractor.weights.load_into(module)
     network = EndToEnd(module, extractor.backbone, heads, extractor.weights.side_px)
+    network.start = extractor.weights.digest
     if excess is not None:
         _fit_gauge(network.gauge, heads[0], tracks, excess)
     return network
@@ -264,7 +267,7 @@ def fine_tune(
     decoders, multiple = (os.cpu_count() or 1, _CARD_MULTIPLE) if on_card else (1, 1)
     lanes = Lanes(pours, labels, network.frames, count, decoders, multiple, excess)
     mine = range(fabric.global_rank, lanes.count, fabric.world_size)
-    job = lanes.digest()
+    job = " ".join([lanes.digest(), network.tare, network.start]).rstrip()
     history: list[EpochLoss] = []
     checkpoint, config = config.kept, replace(config, kept=None)
     if checkpoint is not None and checkpoint.resume and checkpoint.path.exists():
