@@ -114,6 +114,20 @@ def test_a_checkpoint_of_other_data_is_refused(tmp_path: Path) -> None:
         fit_encoder([video(1)], once, kept=KeptEpochs(tmp_path / "c"))
 
 
+def test_a_checkpoint_of_other_images_or_slip_of_the_same_video_is_refused(tmp_path: Path) -> None:
+    """As where a table's rate was corrected, so that other frames of each video are seen."""
+    once, kept, own = replace(SHORT, epochs=1, steps=1), KeptEpochs(tmp_path / "c"), video(0)
+    fit_encoder([own], once, kept=kept)
+
+    for other in (
+        replace(own, images=own.images[:, ::-1].copy()),
+        replace(own, slip_um=own.slip_um + np.float32(1.0)),
+    ):
+        with pytest.raises(BadInput, match="another configuration or other data"):
+            fit_encoder([other], once, kept=kept)
+    assert len(fit_encoder([own], once, kept=kept).losses) == 1
+
+
 def test_without_videos_nothing_is_learned() -> None:
     with pytest.raises(BadDataset, match="at least one video"):
         fit_encoder([], SHORT)

@@ -25,7 +25,7 @@ from taxel.training.backbones.fine_tuning import EpochLoss, KeptEpochs
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
 from taxel.training.encoder.change import changes, slip_size
 from taxel.training.encoder.pretext import Pretext, Targets
-from taxel.training.encoder.videos import TouchVideo, data_digest
+from taxel.training.encoder.videos import TouchVideo, seen_digest
 
 Image = NDArray[np.uint8]
 GAIN, LEVEL, JITTER, GRAIN = 0.15, 12.0, 0.02, 2.0
@@ -92,7 +92,7 @@ def fit_encoder(
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=config.learning_rate, weight_decay=_DECAY
     )
-    job = f"touch encoder {data_digest(videos)} {tensor_digest(start) if start else ''}"
+    job = f"touch encoder {seen_digest(videos)} {tensor_digest(start) if start else ''}"
     history: list[EpochLoss] = []
     if kept is not None and kept.resume and kept.path.exists():
         history = load_checkpoint(kept.path, network, optimiser, config, EpochLoss, job)

@@ -131,6 +131,19 @@ def data_digest(videos: Iterable[TouchVideo]) -> str:
     return hashlib.sha256("\n".join(trials).encode()).hexdigest()
 
 
+def seen_digest(videos: Iterable[TouchVideo]) -> str:
+    """Return the SHA-256 over what a network is shown, in order: images, and slip where known.
+
+    Which images of a video these are depends on its rate, too, which a table may correct.
+    """
+    whole = hashlib.sha256()
+    for video in videos:
+        whole.update(f"{video.folder} {video.trial} {video.images.shape}\n".encode())
+        whole.update(np.ascontiguousarray(video.images))
+        whole.update(np.ascontiguousarray(video.slip_um))
+    return whole.hexdigest()
+
+
 def without(videos: Sequence[TouchVideo], values: Sequence[str]) -> list[TouchVideo]:
     """Return the videos none of whose groups has one of these values."""
     return [video for video in videos if not set(video.groups.values()) & set(values)]
