@@ -11,7 +11,7 @@ from taxel.training.loop import Labelled, TrainConfig, evaluate, fit, new_networ
 
 NETWORKS = [name for name, model in MODELS.items() if isinstance(model, Network)]
 BASELINES = [name for name, model in MODELS.items() if isinstance(model, Baseline)]
-SHAPES = [(12, 12, 3), (21, 69, 10), (400, 8, 10), (9, 1, 2)]
+SHAPES = [(1, 5, 2), (12, 12, 3), (21, 69, 10), (400, 8, 10), (9, 1, 2)]
 
 
 @pytest.fixture(autouse=True)
@@ -69,7 +69,7 @@ def test_a_network_learns_what_can_be_seen(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NETWORKS)
-@pytest.mark.parametrize(("steps", "channels", "classes"), SHAPES[:3])
+@pytest.mark.parametrize(("steps", "channels", "classes"), SHAPES[:4])
 def test_the_exported_network_gives_what_pytorch_gives(
     name: str, steps: int, channels: int, classes: int
 ) -> None:

@@ -40,7 +40,7 @@ class TouchNet(nn.Module):
 
     def __init__(self, steps: int, channels: int, classes: int) -> None:
         super().__init__()
-        self._lag = min(LAG, steps - 1)
+        self._lag = max(1, min(LAG, steps - 1))  # of a single row there is no change: zeros
         for name in ("level", "scale", "change", "wander"):
             self.register_buffer(name, torch.ones(channels))
         stem, *later = WIDTHS
