@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadTable
 from taxel.evaluation.audit.touch_set import LEAST_ROWS, TouchSet, checked, joined
+from taxel.evaluation.audit.usable_rows import held_rows, sums_of
 from taxel.labels.trials import Trial, trials_of
 from taxel.plain_text import number_of
 from taxel.recordings.imports.footage import open_footage
@@ -186,13 +187,11 @@ def _array_recording(path: Path) -> _Read:
         **{f"detail {key}": value for key, value in sensor.details.items()},
     }  # fmt: skip
     usable = samples.usable & np.isfinite(samples.values)
-    rows = np.where(usable, samples.values, np.float32(0.0))
+    rows = held_rows(samples.values, usable)
     check_size(rows, sensor.channels, lambda at: f"{path.name}, at {samples.fitted_s[at]:.2f} s")
-    scans = np.stack([usable.sum(axis=0), rows.sum(axis=0, dtype=np.float64),
-                      np.square(rows, dtype=np.float64).sum(axis=0)])  # fmt: skip
     return _Read(name=path.name, manifest=recording.manifest, marks=recording.marks, rows=rows,
                  time_s=samples.fitted_s, files=files, rate_hz=sensor.rate_hz,
-                 scans=scans)  # fmt: skip
+                 scans=sums_of(samples.values, usable))  # fmt: skip
 
 
 def _camera_recording(path: Path, cameras: int) -> _Read:
