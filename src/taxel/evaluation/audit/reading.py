@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadTable
-from taxel.evaluation.audit.touch_set import LEAST_ROWS, TouchSet, checked, joined
+from taxel.evaluation.audit.touch_set import LEAST_ROWS, TouchSet, check_alike, checked, joined
 from taxel.evaluation.audit.usable_rows import held_rows, sums_of
 from taxel.labels.trials import Trial, trials_of
 from taxel.plain_text import number_of
@@ -157,6 +157,7 @@ def _array_recordings(paths: Iterator[Path]) -> list[_Read]:
     every, held = 1, 0
     for path in paths:
         reads.append(_thinned(_array_recording(path), every))
+        check_alike(reads[0].manifest.sensor, reads[-1].manifest.sensor, path)
         held += _size(reads[-1])
         while held > MOST and any(read.rate_hz / every > LEAST_RATE_HZ for read in reads):
             every *= 2

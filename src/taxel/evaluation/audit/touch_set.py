@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -19,6 +20,7 @@ from taxel.labels.class_order import in_order
 from taxel.labels.trials import OBJECTS, SESSIONS, Trial
 from taxel.plain_text import number_of
 from taxel.signals import SensorInfo
+from taxel.windows.checks import check_sensor
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import Dataset
 from taxel.windows.joining import TEST_PREFIX, renamed
@@ -109,6 +111,11 @@ def joined(first: TouchSet, second: TouchSet) -> TouchSet:
     Raises:
         BadDataset: They are of different sensors.
     """
+    if first.channels != second.channels and first.views == second.views:
+        raise BadDataset(
+            f"the channels {', '.join(first.channels)} in both folders",
+            f"{', '.join(second.channels)} in the one to test on", "name recordings of one sensor",
+        )  # fmt: skip
     if (first.kind, first.views) != (second.kind, second.views):
         raise BadDataset(
             f"the same sensor in both folders ({first.kind}, "
@@ -129,6 +136,15 @@ def joined(first: TouchSet, second: TouchSet) -> TouchSet:
         every={**first.every, **{there[name]: n for name, n in second.every.items()}},
         scans={**first.scans, **{there[name]: own for name, own in second.scans.items()}},
     )
+
+
+def check_alike(first: SensorInfo, own: SensorInfo, path: Path) -> None:
+    """Refuse an array's recording of other channels than the first one's, or in another order.
+
+    Raises:
+        BadDataset: It is one.
+    """
+    check_sensor(first, own, path, WindowConfig(steps=1, stride=1))
 
 
 def checked(touch: TouchSet) -> TouchSet:
