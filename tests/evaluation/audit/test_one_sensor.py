@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadDataset
+from taxel.evaluation.audit.one_sensor import check_cameras
 from taxel.evaluation.audit.reading import read_both, read_touch
 from taxel.recordings.imports.importing import import_table
+from taxel.signals import CameraInfo
 
 
 def make_set(folder: Path, name: str, channels: str) -> Path:
@@ -40,3 +42,17 @@ def test_a_folder_to_test_on_with_channels_in_another_order_is_refused(tmp_path:
     with pytest.raises(BadDataset, match=r"the channels a, b in both folders; got b, a in the one"):
         read_both(first, second, "kind", lambda *_: None)
     assert len(read_both(first, make_set(tmp_path, "more", "a[N] b[N]"), "kind", print)[0]) == 20
+
+
+def test_cameras_in_another_order_are_refused_and_others_in_their_place_are_not() -> None:
+    left, right, thumb = (
+        CameraInfo(name=name, width=32, height=24, rate_hz=25.0)
+        for name in ("left", "right", "thumb")
+    )
+    check_cameras((left, right), (left, right), Path("b.mcap"))
+    check_cameras((left, right), (thumb, right), Path("b.mcap"))
+
+    with pytest.raises(BadDataset, match=r"left, right in this order .*; got right, left in b"):
+        check_cameras((left, right), (right, left), Path("b.mcap"))
+    with pytest.raises(BadDataset, match=r"2 cameras in every recording; got others in b\.mcap"):
+        check_cameras((left, right), (left,), Path("b.mcap"))

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadTable
-from taxel.evaluation.audit.touch_set import LEAST_ROWS, TouchSet, check_alike, checked, joined
+from taxel.evaluation.audit.one_sensor import check_alike, check_cameras
+from taxel.evaluation.audit.touch_set import LEAST_ROWS, TouchSet, checked, joined
 from taxel.evaluation.audit.usable_rows import held_rows, sums_of
 from taxel.labels.trials import Trial, trials_of
 from taxel.plain_text import number_of
@@ -90,7 +91,7 @@ def read_touch(
         cameras = read_recording(paths[0]).manifest.tactile
         if cameras:
             views = tuple(camera.name for camera in cameras for _ in range(_SQUARES))
-            reads = [_camera_recording(p, len(cameras)) for p in
+            reads = [_camera_recording(p, cameras) for p in
                      _announced(paths, "recordings", on_progress)]  # fmt: skip
             touch = _assemble(reads, "camera", target, views)
         else:
@@ -195,11 +196,9 @@ def _array_recording(path: Path) -> _Read:
                  scans=sums_of(samples.values, usable))  # fmt: skip
 
 
-def _camera_recording(path: Path, cameras: int) -> _Read:
-    recording = read_recording(path)
-    if len(recording.manifest.tactile) != cameras:
-        raise BadDataset(f"{number_of(cameras, 'camera')} in every recording",
-                         f"others in {path.name}", "put them in folders of their own")  # fmt: skip
+def _camera_recording(path: Path, first: Sequence[CameraInfo]) -> _Read:
+    recording, cameras = read_recording(path), len(first)
+    check_cameras(first, recording.manifest.tactile, path)
     rows, times, shown = [], [], [b""] * cameras
     grey = [np.zeros(_SQUARES, np.float32)] * cameras
     for found in frame_sets(path, cameras):

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -20,7 +19,6 @@ from taxel.labels.class_order import in_order
 from taxel.labels.trials import OBJECTS, SESSIONS, Trial
 from taxel.plain_text import number_of
 from taxel.signals import SensorInfo
-from taxel.windows.checks import check_sensor
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import Dataset
 from taxel.windows.joining import TEST_PREFIX, renamed
@@ -136,15 +134,6 @@ def joined(first: TouchSet, second: TouchSet) -> TouchSet:
         every={**first.every, **{there[name]: n for name, n in second.every.items()}},
         scans={**first.scans, **{there[name]: own for name, own in second.scans.items()}},
     )
-
-
-def check_alike(first: SensorInfo, own: SensorInfo, path: Path) -> None:
-    """Refuse an array's recording of other channels than the first one's, or in another order.
-
-    Raises:
-        BadDataset: It is one.
-    """
-    check_sensor(first, own, path, WindowConfig(steps=1, stride=1))
 
 
 def checked(touch: TouchSet) -> TouchSet:
