@@ -346,3 +346,11 @@ def test_before_a_station_reports_anything_the_page_claims_nothing(make: Any):
             None,
             None,
         )
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 100.05, 101.0])
+def test_an_array_whose_clock_runs_a_little_fast_is_shown_whole(make: Any, rate_hz: float):
+    """A board's 100 Hz are 100.05 Hz by this machine's clock: every second row was left out."""
+    rig = make((HAND, ()))
+    rig.to[0].put(pack(Samples.from_values(np.ones((200, 2)), 5.0 + np.arange(200) / rate_hz)))
+    assert len(rig.view.traces(-math.inf)["sensors"]["t"]) == 100

@@ -38,6 +38,9 @@ _MAP_ROWS = 12
 _POINTS_HZ = 50
 _ANSWER_S = 3.0
 """How long a request may take until it is known to be fulfilled, seconds. Our choice."""
+_ROUNDING_S = 0.0005
+"""A row may come so much sooner: a board's clock runs a little faster than this machine's, and
+times of 100 Hz are not 0.01 s apart to the last bit. As for Rerun."""
 _TINY_S = 1e-6
 _GAP_S, _GAP_PERIODS = 0.5, 5.0
 """Rows of an array further apart, in seconds and in its periods, are not joined by a line, and the
@@ -104,7 +107,7 @@ class _Array:
         for index, time_s in enumerate(samples.fitted_s.tolist()):
             if time_s - last_s > self.gap_s:
                 self.lack()
-            if time_s - last_s >= _ROW_S - _TINY_S:
+            if time_s - last_s >= _ROW_S - _ROUNDING_S:
                 values = np.where(samples.usable[index], samples.values[index], np.nan)
                 self.rows.append((time_s, values.tolist()))
                 last_s = time_s
