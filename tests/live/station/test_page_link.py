@@ -354,3 +354,39 @@ def test_an_array_whose_clock_runs_a_little_fast_is_shown_whole(make: Any, rate_
     rig = make((HAND, ()))
     rig.to[0].put(pack(Samples.from_values(np.ones((200, 2)), 5.0 + np.arange(200) / rate_hz)))
     assert len(rig.view.traces(-math.inf)["sensors"]["t"]) == 100
+
+
+def test_what_comes_later_than_newer_rows_of_an_array_is_shown_all_the_same(make: Any):
+    """A decision is of images of some 40 ms ago, and an event waits for the next status: where an
+    array runs beside, its newest row was newer, and the page never showed either.
+    """
+    rig = make((NONE, (LEFT,)), (HAND, ()))
+
+    def rows(*times_s: float) -> None:
+        rig.to[1].put(pack(Samples.from_values(np.ones((len(times_s), 2)), np.array(times_s))))
+
+    def event(*times_s: float) -> None:
+        rig.supervisor.put(pack({"events": [[t, f"at {t:g}"] for t in times_s]}))
+
+    rows(5.0, 5.02)
+    event(4.9)
+    first = rig.view.traces(-math.inf)
+    assert (first["time_s"], [found["t"] for found in first["events"]]) == (5.02, [4.9])
+    rig.monitor.put(pack({"kind": "grasp", "time_s": 4.98, "p": 0.7}))
+    event(4.9, 5.01)
+    rows(5.04)
+    second = rig.view.traces(first["time_s"])
+    assert second["probability"] == {"t": [4.98], "p": [0.7]}
+    assert [found["t"] for found in second["events"]] == [5.01]
+    assert second["sensors"]["t"] == [5.04]
+    third = rig.view.traces(second["time_s"])
+    assert (third["probability"]["t"], third["sensors"]["t"], third["events"]) == ([], [], [])
+
+
+def test_an_event_is_sent_once_where_no_source_gives_anything_any_more(make: Any):
+    rig = make((HAND, ()))
+    rig.to[0].put(pack(Samples.from_values(np.ones((1, 2)), np.array([5.0]))))
+    rig.supervisor.put(pack({"events": [[6.0, "the hand is gone"]]}))
+    first = rig.view.traces(-math.inf)
+    assert len(first["events"]) == 1
+    assert rig.view.traces(first["time_s"])["events"] == []

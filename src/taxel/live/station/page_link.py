@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -42,6 +42,8 @@ _ROUNDING_S = 0.0005
 """A row may come so much sooner: a board's clock runs a little faster than this machine's, and
 times of 100 Hz are not 0.01 s apart to the last bit. As for Rerun."""
 _TINY_S = 1e-6
+_ANSWERS = 1000
+"""Answers of `traces` that are remembered: those of some seconds to each open page. Our choice."""
 _GAP_S, _GAP_PERIODS = 0.5, 5.0
 """Rows of an array further apart, in seconds and in its periods, are not joined by a line, and the
 newest is not shown as the present. Our choice, as for images (docs/decisions/0018)."""
@@ -145,6 +147,9 @@ class StationView:
         self._newest: dict[str, Any] = {}
         self._notes: list[dict[str, Any]] = [{} for _ in config.sources]
         self._noted_s = [-math.inf] * len(config.sources)
+        self._answered: OrderedDict[float, tuple[float, float, float]] = OrderedDict()
+        """Time of an answer of `traces` → the newest row, chance and event that were in it: they
+        come by several ways, and the newest of all says nothing of the others."""
 
     def snapshot(self) -> dict[str, Any]:
         """Return the newest state of everything."""
@@ -194,21 +199,24 @@ class StationView:
         """Return what came after a moment, at most 50 points a second."""
         self._refresh()
         rows = [] if self._array is None else list(self._array.rows)
-        newest_s = max([rows[-1][0]] if rows else [0.0], default=0.0)
-        if self._p:
-            newest_s = max(newest_s, self._p[-1][0])
-        after_s = -math.inf if since_s > newest_s else since_s
-        chances = [(t, p) for t, p in self._p if t > after_s]
-        kept = [row for row in rows if row[0] > after_s][::_EVERY]
+        events = self._newest.get("events", [])
+        each = tuple(found[-1][0] if found else -math.inf for found in (rows, self._p, events))
+        newest_s = max([moment for moment in each if math.isfinite(moment)], default=0.0)
+        after = self._answered.get(since_s, (since_s, since_s, since_s))
+        if since_s > newest_s:
+            after = (-math.inf, -math.inf, -math.inf)
+        self._answered.setdefault(newest_s, (each[0], each[1], each[2]))
+        while len(self._answered) > _ANSWERS:
+            self._answered.popitem(last=False)
+        chances = [(t, p) for t, p in self._p if t > after[1]]
+        kept = [row for row in rows if row[0] > after[0]][::_EVERY]
         columns = zip(*(values for _, values in kept), strict=True) if kept else ()
         return {
             "time_s": newest_s,
             "probability": {"t": [t for t, _ in chances], "p": [p for _, p in chances]},
             "sensors": {"t": [t for t, _ in kept], "values": [list(column) for column in columns]},
             "map": self._map(rows[-_MAP_ROWS:]),
-            "events": [
-                {"t": t, "text": text} for t, text in self._newest.get("events", []) if t > after_s
-            ],
+            "events": [{"t": t, "text": text} for t, text in events if t > after[2]],
         }
 
     def acknowledge(self) -> None:
