@@ -216,3 +216,18 @@ def test_one_moment_reads_one_chunk_at_most_and_a_small_step_none(link, monkeypa
         assert len(read) - before <= 2  # a step may go from one chunk to the next
 
     assert 1 <= len(read) == len(set(map(str, read)))
+
+
+@pytest.mark.parametrize("step_s", [0.01, 0.009995])
+def test_an_array_of_100_hz_is_shown_whole(tmp_path: Path, step_s: float):
+    """Times were sorted into hundredths of a second: two that fell into the same, by rounding or as
+    a clock ran fast, were one row, and a peak in the other was not seen.
+    """
+    path = tmp_path / "hand.mcap"
+    info = SensorInfo(name="own", channels=("a",), units=("V",), rate_hz=100.0)
+    samples = Samples.from_values(np.zeros((1000, 1), np.float32), np.arange(1000) * step_s)
+    with Recorder(path, Manifest(sensor=info)) as file:
+        for first in range(0, 1000, 5):
+            file.write(samples[first : first + 5])
+    link = ReplayLink(path)
+    assert len(link._index.time_s) == 1000
