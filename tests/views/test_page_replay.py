@@ -231,3 +231,17 @@ def test_an_array_of_100_hz_is_shown_whole(tmp_path: Path, step_s: float):
             file.write(samples[first : first + 5])
     link = ReplayLink(path)
     assert len(link._index.time_s) == 1000
+
+
+def test_a_channel_without_any_usable_value_leaves_the_others_their_scale(tmp_path: Path):
+    """The map of an array without a full scale was drawn from 0 to 1 where a channel was dead."""
+    path = tmp_path / "skin.mcap"
+    info = SensorInfo(name="skin", channels=("a", "dead"), units=("N", "N"), rate_hz=50.0)
+    values = np.stack([20.0 + np.arange(100) / 10, np.full(100, np.nan)], axis=1)
+    with Recorder(path, Manifest(sensor=info)) as file:
+        file.write(Samples.from_values(values.astype(np.float32), np.arange(100) / 50))
+    link = ReplayLink(path)
+    link.seek(1.0)
+    shown = np.array(link.traces(-np.inf)["map"])
+    assert shown[-1, 0] == pytest.approx(50 / 99, abs=0.01)
+    assert np.isnan(shown[:, 1]).all()

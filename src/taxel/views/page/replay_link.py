@@ -276,12 +276,13 @@ def _scale(
     if manifest.sensor.full_scale:
         full = np.full(width, manifest.sensor.full_scale, np.float32)
         return np.zeros(width, np.float32), full
-    finite = values[np.isfinite(values).all(axis=1)]
-    if not len(finite):
-        return np.zeros(width, np.float32), np.ones(width, np.float32)
-    low: NDArray[np.float32] = finite.min(axis=0)
-    span = np.maximum(finite.max(axis=0) - low, np.float32(1e-9)).astype(np.float32)
-    return low, span
+    finite = np.where(np.isfinite(values), values, np.float32(np.nan))
+    least = np.fmin.reduce(finite, axis=0, initial=np.nan)
+    most = np.fmax.reduce(finite, axis=0, initial=np.nan)
+    known = np.isfinite(least)  # a channel that is never usable does not set the others' scale
+    low: NDArray[np.float32] = np.where(known, least, np.float32(0.0)).astype(np.float32)
+    span = np.where(known, np.maximum(most - least, np.float32(1e-9)), np.float32(1.0))
+    return low, span.astype(np.float32)
 
 
 def _envelope(
