@@ -112,7 +112,8 @@ class _Bridge:
             rerun.log(f"cameras/{name}", image)
         elif isinstance(packet, Samples):
             sensor = self._view.sources[number].sensor
-            for time_s, values in zip(packet.fitted_s.tolist(), packet.values, strict=True):
+            usable = np.where(packet.usable, packet.values, np.nan)  # what is missing is no 0 V
+            for time_s, values in zip(packet.fitted_s.tolist(), usable, strict=True):
                 if time_s - self._row_s[number] >= _ROW_S - _ROUNDING_S:
                     self._row_s[number] = time_s
                     rerun.set_time("time", duration=time_s)
