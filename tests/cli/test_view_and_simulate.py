@@ -113,6 +113,13 @@ def test_a_figure_is_written_whole(tmp_path):
     assert len(list((tmp_path / "new").iterdir())) == 1
 
 
+def test_a_figure_of_an_array_beside_json_leaves_the_summary_on_the_output(tmp_path, capsys):
+    """--json printed a line of text there."""
+    main(["view", "sim://teng?rate_hz=100", "--png", str(tmp_path / "touch.png"), "--json"])
+    assert 495 <= json.loads(capsys.readouterr().out)["scans"] <= 505
+    assert (tmp_path / "touch.png").exists()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "words",

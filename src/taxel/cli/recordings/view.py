@@ -170,6 +170,9 @@ class View:
         if not buffer.scans:
             raise BadInput("a source with scans", f"none from {self.source}", "choose another")
         write_whole(path, touch_figure(buffer, self.source))
+        if self.json:
+            print_json(buffer.summary())
+            return
         say(f"{path}: {number_of(buffer.scans, 'scan', ',')} of {buffer.info.name}")
 
 
