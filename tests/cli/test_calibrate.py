@@ -218,3 +218,10 @@ def test_taps_that_say_nothing_about_wear_get_a_line_instead_of_a_number(
 
     assert pad["lost"] == [None, None, None]
     assert "no loss is stated, since its 95 % interval" in " ".join(capsys.readouterr().out.split())
+
+
+def test_taps_without_a_source_are_refused_in_one_line(tmp_path: Path, refused: Refused) -> None:
+    """It ended in a traceback."""
+    line = refused(["calibrate", "--output", str(tmp_path / "x.json"), "--cycles", "100",
+                    "--tap-hz", "1"])  # fmt: skip
+    assert "sim://teng beside --tap-hz" in line

@@ -147,7 +147,7 @@ class Calibrate:
         return self.apply is None and "://" in first and not first.startswith("replay://")
 
     def _is_simulated(self) -> bool:
-        return self.source[0].startswith("sim://")
+        return next(iter(self.source), "").startswith("sim://")
 
     def _check_options(self) -> None:
         """Refuse options that could only fail later, before anything is read or pressed."""
