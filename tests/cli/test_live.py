@@ -9,6 +9,7 @@ import pytest
 import tyro
 
 from taxel.bundles.contract import Contract, fingerprint_of
+from taxel.bundles.trials import IN_RUN
 from taxel.bundles.writer import write_bundle
 from taxel.cli.live import live
 from taxel.cli.main import main
@@ -31,6 +32,18 @@ def test_a_runs_folder_is_refused_with_the_verb_that_bundles_it(tmp_path: Path) 
     (tmp_path / "run.json").write_text("{}")
     with pytest.raises(BadBundle, match=f"a run; write one with: taxel bundle {tmp_path}"):
         tyro.cli(live.Live, args=[str(tmp_path), "sim://teng"]).run()
+
+
+@pytest.mark.parametrize(
+    "words", [["--data", "other"], ["--follow", "30"], ["--hold-level"]], ids=" ".join
+)
+def test_an_option_of_arrays_is_refused_where_a_run_of_camera_trials_is_bundled(
+    words: list[str], tmp_path: Path, refused: Any
+) -> None:
+    """--data was taken, and no parity measured on it."""
+    (tmp_path / IN_RUN).write_bytes(b"")
+    line = refused(["bundle", str(tmp_path), "--output", str(tmp_path / "b.taxel"), *words])
+    assert f"a run of an array beside {words[0]}" in line
 
 
 def test_a_second_bundle_beside_one_of_cameras_is_not_left_out(

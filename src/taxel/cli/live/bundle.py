@@ -100,10 +100,13 @@ class Bundle:
         from taxel.training.run import load_run
 
         if self.board is None and (folder / IN_RUN).is_file():
-            if self.follow is not None or self.hold_level:
-                option = "--hold-level" if self.hold_level else "--follow"
-                raise BadInput(f"a run of an array beside {option}", "one of camera trials",
-                               "leave it out")  # fmt: skip
+            for option, given in (
+                ("--follow", self.follow is not None), ("--hold-level", self.hold_level),
+                ("--data", self.data is not None),
+            ):  # fmt: skip
+                if given:
+                    raise BadInput(f"a run of an array beside {option}", "one of camera trials",
+                                   "leave it out")  # fmt: skip
             self._copy_trials(folder / IN_RUN, output, signer)
             return
         path = output if self.board is None else output / BOARD_BUNDLE
