@@ -215,6 +215,10 @@ def test_what_a_person_must_know_stands_beside_the_json_not_in_it(
         ),
         (["--rules", "x.csv"], "a bundle that names classes beside --rules"),
         (["--page", "127.0.0.1:99999"], "HOST:PORT for --page"),
+        (
+            ["--calibration", "c.json", "--json"],
+            "needed --page, or the terminal's screen beside --calibration",
+        ),
         (["--overwrite", "--gripper", "sim"], "needed --record beside --overwrite"),
         (["--beside", "sim://nothing"], "a simulator that exists"),
         (["--gripper", "sim", "--force-n", "60", "50"], "N"),

@@ -104,6 +104,7 @@ class Live:
         Only(("arm",), "--gripper", lambda o: o.gripper),
         Only(("force-n",), "--gripper or --tell", lambda o: o.gripper or o.tell),
         Only(("overwrite",), "--record", lambda o: o.record),
+        Only(("calibration",), "--page, or the terminal's screen", lambda o: o._shows_map()),
         Only(("label", "group"), "--record or --page", lambda o: o.record or o.page is not None),
     )
 
@@ -196,6 +197,10 @@ class Live:
 
     def _least(self) -> float:
         return LEAST_CONFIDENCE if self.least_confidence is None else self.least_confidence
+
+    def _shows_map(self) -> bool:
+        """True where a page, or the screen of a terminal, shows an array's map."""
+        return self.page is not None or not (self.json or self._needs_station())
 
     def _needs_station(self) -> bool:
         """True where one process is not enough."""
