@@ -1,6 +1,9 @@
 """Claims about a monitor that finds the start of each grasp by itself."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -8,6 +11,8 @@ from taxel.bundles.grasp import read_grasp_bundle
 from taxel.bundles.shipped import shipped_bundle
 from taxel.clock import ManualClock
 from taxel.decisions.reasons import kind_of
+from taxel.decisions.stability import Stability, StabilityDecision
+from taxel.live import grasp_session
 from taxel.live.grasp_monitor import GraspAnswer, GraspMonitor
 from taxel.live.grasp_session import run_grasp_session
 from taxel.sim.pour.cups import draw_cup
@@ -80,3 +85,32 @@ def test_another_cup_is_another_approach() -> None:
     first, second = (draw_choice(choice, number).approach for number in (0, 1))
     assert first != second
     assert draw_choice(replace(choice, cup=3), 0).cup == draw_cup(0, 3)
+
+
+def test_the_alarm_of_each_grasp_is_counted_where_cameras_find_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """No mark ends such a grasp: of all alarms of a session the first grasp's alone was counted."""
+    states = "STABLE WARNING UNSTABLE NO_GRASP STABLE STABLE WARNING NO_GRASP STABLE".split()
+    starts = {0, 4, 8}
+
+    class Monitor:
+        def __init__(self, *_: Any) -> None:
+            self.number = -1
+
+        def see(self, frame: Any) -> None:
+            pass
+
+        def push(self, found: Any) -> GraspAnswer:
+            self.number += 1
+            decision = StabilityDecision(Stability[states[self.number]], "", 0.0, 0.5)
+            return GraspAnswer(decision, 0.5, found.time_s, 0.0, (), self.number in starts)
+
+    def moments(*_: Any) -> Iterator[Any]:
+        yield from (SimpleNamespace(time_s=float(number)) for number in range(len(states)))
+
+    monkeypatch.setattr(grasp_session, "GraspMonitor", Monitor)
+    monkeypatch.setattr(grasp_session, "moments_and_marks", moments)
+    source: Any = SimpleNamespace(cameras=(None, None))
+    tally = run_grasp_session(source, bundle=None)  # type: ignore[arg-type]
+    assert (tally.alarms, tally.starts) == (2, [0.0, 4.0, 8.0])

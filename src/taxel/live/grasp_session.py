@@ -117,6 +117,7 @@ def run_grasp_session(
         begin_s = found.time_s if begin_s is None else begin_s
         if answer.began:
             tally.starts.append(round(found.time_s - begin_s, 3))
+            first_alarm_s = None  # that of the grasp before, which no mark has ended
         shown = answer.decision.state, kind_of(answer.decision.reason)
         tally.add(answer)
         if answer.decision.alarm and first_alarm_s is None:
