@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from station_rig import WAIT_S, until
 
+from taxel.errors import BadSource
 from taxel.live.station import acquisition
 from taxel.live.station.acquisition import Acquisition, acquire
 from taxel.live.station.beats import Beats, Work
@@ -22,7 +23,7 @@ from taxel.live.station.packets import pack, unpack
 from taxel.live.station.page_link import StationView
 from taxel.live.station.ring import Ring, RingReader, RingWriter
 from taxel.live.station.station import Station
-from taxel.live.station.wiring import StationConfig
+from taxel.live.station.wiring import StationConfig, _check_pace
 from taxel.live.station.worker import Place, Pulse
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sources.boards.emulation import EmulatedBoard, RunningBoard
@@ -186,3 +187,12 @@ def test_a_board_whose_cable_is_pulled_is_reported_while_its_process_lives_on(tm
         assert station.failed == ""
         assert before != ""
     assert station.ledger()["source"]["starts"] == 1
+
+
+def test_a_speed_of_one_is_one_however_it_is_written() -> None:
+    """speed=1.0 was refused: needed speed=1."""
+    for own in ("replay://a.mcap", "sim://teng?speed=1", "replay://a.mcap?speed=1.0"):
+        _check_pace(own)
+    for other in ("max", "2", "1.5", "nan"):
+        with pytest.raises(BadSource, match="speed=1 where several processes run"):
+            _check_pace(f"sim://teng?speed={other}")

@@ -321,6 +321,8 @@ def _check_pace(url: str) -> None:
         BadSource: Its address asks for another speed than 1.
     """
     asked = dict(parse_qsl(url.partition("?")[2])).get("speed", "1")
+    with contextlib.suppress(ValueError):  # max, or what the source itself refuses
+        asked = f"{float(asked):g}"
     if asked != "1":
         raise BadSource(
             "speed=1 where several processes run", f"speed={asked}",
