@@ -25,12 +25,18 @@ SLOW = RateChange(3.0, 50.0, 100.0, fits=False)
 WHY = "no value came above the gate of 1.55 V, the largest is 0.003"
 
 
-def screen(tally: Tally, gate: float | None = None, *, touched: bool = True) -> str:
+def screen(
+    tally: Tally,
+    gate: float | None = None,
+    *,
+    touched: bool = True,
+    probabilities: tuple[float, float] = (0.9, 0.1),
+) -> str:
     """What is drawn of a tally whose newest window was hard."""
     contract = SimpleNamespace(target="object", classes=CLASSES, window=SimpleNamespace(gate=gate))
     recogniser = SimpleNamespace(bundle=SimpleNamespace(contract=contract), waiting=lambda: WHY)
     info = SensorInfo(name="t", channels=("a",), units=("V",), rate_hz=100.0)
-    decision = decide(np.array([0.9, 0.1], np.float32), Quality(), CLASSES, RecogniseConfig())
+    decision = decide(np.array(probabilities, np.float32), Quality(), CLASSES, RecogniseConfig())
     if touched:
         tally.grasp_answer = tally.vote.add(decision)
         tally.latest = cast("Any", SimpleNamespace(decision=decision, latency_s=1e-4))
@@ -75,3 +81,12 @@ def test_values_in_another_unit_are_shown() -> None:
     scale = OtherScale(time_s=1.0, share=1000.0, unit="V")
     tally = Tally("object", GraspVote(CLASSES, 0.8), other_scales=[scale])
     assert "values change about 1,000 times as much" in screen(tally)
+
+
+def test_a_probability_that_is_not_finite_is_no_number() -> None:
+    """Such a window's classes stood there with nan%."""
+    tally = Tally("object", GraspVote(CLASSES, 0.8))
+    drawn = screen(tally, probabilities=(np.nan, np.nan))
+    assert "nan" not in drawn
+    assert "·  –" not in drawn  # as wide as a number
+    assert "·    –" in drawn

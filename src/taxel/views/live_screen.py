@@ -109,7 +109,8 @@ class LiveView:
             lines.append(f"  → {visible_line(tally.action)}\n", style="bold")
         for name, p in zip(contract.classes, latest.decision.probabilities, strict=True):
             full = round(float(p) * 20) if np.isfinite(p) else 0
-            lines.append(f"  {visible(name):<12}{'█' * full}{'·' * (20 - full)} {p:4.0%}\n")
+            share = f"{p:4.0%}" if np.isfinite(p) else "   –"
+            lines.append(f"  {visible(name):<12}{'█' * full}{'·' * (20 - full)} {share}\n")
         if latest.decision.reason:
             lines.append(f"  {visible_line(latest.decision.reason)}\n", style="red")
         if tally.gate_moves:

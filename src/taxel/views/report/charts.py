@@ -88,7 +88,7 @@ def dot_chart(dots: Sequence[Dot]) -> Html:
             parts.append(
                 f'<circle cx="{at(dot.value):.1f}" cy="{y:.1f}" r="4.5" fill="{dot.colour}"/>'
             )
-        label = dot.note or f"{dot.value:.3f}"
+        label = dot.note or (f"{dot.value:.3f}" if math.isfinite(dot.value) else "–")
         parts.append(_text(left + wide + 12, y + 4, label, "start", "soft"))
     return _svg(_WIDTH, high + 26, parts)
 
