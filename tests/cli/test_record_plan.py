@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import pytest
@@ -23,6 +23,7 @@ from taxel.recordings.trial_plan import PlannedTrial, read_plan
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
 from taxel.sources.simulated.pour_sets import groups_of
+from taxel.views.page.plan_link import PlanLink
 
 PLANS = Path(__file__).parents[2] / "plans"
 CUP = PlannedTrial(number=1, labels={"person": "a"}, groups={"cup": "mug", "force_n": "25"})
@@ -205,6 +206,23 @@ def test_a_key_repeats_or_discards_the_last_trial_or_ends(
     assert made == times
     files = sorted(path.name for path in (tmp_path / "pours").glob("*.mcap"))
     assert files == [f"trial-00{number}.mcap" for number in recorded]
+
+
+def test_a_discarded_trial_is_not_counted_as_done_on_the_page(
+    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    shown: list[tuple[str, int]] = []
+    show = PlanLink.show
+
+    def note(board: PlanLink, word: str, *why: str, **values: Any) -> None:
+        show(board, word, *why, **values)
+        shown.append((word, board.snapshot()["plan"]["done"]))
+
+    monkeypatch.setattr(PlanLink, "show", note)
+    asked(Typed("\nd\n"), monkeypatch)
+    record(plan, tmp_path / "pours", "camera:///dev/a,/dev/b")
+    assert [done for word, done in shown if word == "GET READY"] == [0, 1, 0]
+    assert shown[-1] == ("DONE", 1)
 
 
 @pytest.mark.parametrize(("keys", "times"), [("\ndrq", [1]), ("\nd\nq", [1, 1])])

@@ -143,6 +143,7 @@ class _Session:
                 (self._options.output / last.file_name).unlink(missing_ok=True)
                 made = [done for done in made if done.trial is not last]
                 self._show_line(f"discarded: trial {last.number}")
+                self._show_done("DONE", f"discarded: trial {last.number}", trials)
                 if key == "r":
                     queue.insert(0, last)
                 last = None
@@ -152,11 +153,15 @@ class _Session:
                 break
             made.append(recorded)
             last = queue.pop(0)
-            done = done_of(trials, self._options.output)
-            line = balance_line(trials, done)
-            self._show_line(line)
-            self._board.show("DONE", f"trial {trial.number}", done=len(done), balance=line)
+            self._show_line(self._show_done("DONE", f"trial {trial.number}", trials))
         return made
+
+    def _show_done(self, word: str, why: str, trials: list[PlannedTrial]) -> str:
+        """Show on the page how far the plan is now; return the line that says so."""
+        done = done_of(trials, self._options.output)
+        line = balance_line(trials, done)
+        self._board.show(word, why, done=len(done), balance=line)
+        return line
 
     def _one(self, trial: PlannedTrial) -> RecordedTrial | None:
         """Record a trial; where a person is there, a grasp not held or not still is repeated."""
