@@ -165,3 +165,21 @@ def test_what_the_answers_are_is_what_the_page_gives(server, cookie):
         server, f"GET /session HTTP/1.1\r\nHost: {host}\r\nCookie: {cookie}\r\n\r\n".encode()
     )
     assert heard.startswith(b"HTTP/1.1 204 ")
+
+
+@pytest.mark.parametrize(
+    ("port", "host", "refused"),
+    [(80, b"127.0.0.1", 0), (80, b"127.0.0.1:80", 0), (80, b"192.0.2.7", 0), (80, b"[::1]", 0),
+     (80, b"evil.example", 421), (8080, b"127.0.0.1", 421)],
+)  # fmt: skip
+def test_a_browser_leaves_port_80_out(port, host, refused):
+    """A page at HOST:80 was refused to every browser: needed this page's own host name and port."""
+    from starlette.datastructures import Headers
+
+    guard = Guard(
+        None, entry=Pass(), names=["127.0.0.1"], port=port, any_address=True,
+        open_paths=frozenset(["/enter"]),
+    )  # fmt: skip
+    scope = {"type": "http", "method": "POST", "path": "/enter",
+             "headers": [(b"host", host), (b"origin", b"http://" + host)]}  # fmt: skip
+    assert guard._refusal(scope, Headers(scope=scope)) == refused

@@ -24,6 +24,8 @@ from taxel.plain_text import number_of
 
 LEAST_TOKEN = 16
 """Characters of a token that is given instead of drawn."""
+_USUAL_PORT = 80
+"""Browsers leave it out of Host and Origin."""
 HEADERS = {
     "content-security-policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
@@ -102,7 +104,10 @@ class Guard:
     ) -> None:
         self._app = app
         self._entry = entry
-        self._hosts = frozenset(f"{bracketed(name)}:{port}".lower() for name in names)
+        hosts = [bracketed(name).lower() for name in names]
+        self._hosts = frozenset(f"{host}:{port}" for host in hosts)
+        if port == _USUAL_PORT:
+            self._hosts |= frozenset(hosts)
         self._port = port
         self._any_address = any_address
         self._open_paths = open_paths
@@ -138,6 +143,8 @@ class Guard:
 
     def _is_ours(self, host: str) -> bool:
         if host in self._hosts:
+            return True
+        if self._port == _USUAL_PORT and self._any_address and _is_address(host.strip("[]")):
             return True
         name, _, port = host.rpartition(":")
         return self._any_address and port == str(self._port) and _is_address(name.strip("[]"))
