@@ -166,9 +166,11 @@ def warning_tables(results: Sequence[WarningResult], rule: str) -> RenderableTyp
 def _event_cells(scores: EventScores) -> list[str]:
     low, high = scores.lead_interval_s
     least, most = scores.false_alarms_poisson
+    warned = not math.isnan(scores.lead_median_s)  # of any event, so that there is a lead
+    interval = "" if math.isnan(low) else f" [{low:.2f}, {high:.2f}]"
     return [
-        f"{scores.lead_median_s:.2f} [{low:.2f}, {high:.2f}]" if scores.events else "–",
-        f"{scores.lead_p5_s:.2f} … {scores.lead_p95_s:.2f}" if scores.events else "–",
+        f"{scores.lead_median_s:.2f}{interval}" if warned else "–",
+        f"{scores.lead_p5_s:.2f} … {scores.lead_p95_s:.2f}" if warned else "–",
         f"{100 * scores.missed_share:.0f}" if scores.events else "–",
         f"{scores.false_alarms_per_min:.2f} [{least:.2f}, {most:.2f}]" if scores.hold_min else "–",
         f"{100 * scores.early_share:.0f}" if scores.events else "–",
