@@ -120,7 +120,8 @@ def _read(address: str, seconds: float) -> tuple[Samples, list[Mark], float]:
                            "give its raw recording")  # fmt: skip
         follow(source, seconds, parts.append)
         marks, nominal_hz = source.marks(), source.info.rate_hz
-    samples = Samples.join(parts)
+        nothing = Samples.empty(len(source.info.channels))
+    samples = Samples.join([nothing, *parts])  # an empty recording ends before its first read
     if len(samples) < 10:
         raise BadDataset("10 scans", f"{len(samples)}", "look for longer with --seconds")
     return samples, [mark for mark in marks if mark.end_s <= samples.fitted_s[-1]], nominal_hz

@@ -191,9 +191,10 @@ def _line(action: str, result: dict[str, Any]) -> str:
     """Return the result as a line of text."""
     ended = {"there": "fingers rest", "time": "time is out", "stopped": "ended by a person"}
     largest = ", ".join(map(str, result["largest_ma"])) or "none"
+    came = f"{ended[result['ended']]} after" if action in MOVES else "listened for"
     parts = [
         f"hand {result['state']}" + (f" ({result['fault']})" if result["fault"] else ""),
-        f"{action}: {ended[result['ended']]} after {result['seconds']:.2f} s",
+        f"{action}: {came} {result['seconds']:.2f} s",
         f"largest currents {largest} mA of {number_of(result['readings'], 'reading')}",
     ]
     return "; ".join(parts)

@@ -8,6 +8,10 @@ from typing import Any
 from rich.table import Table
 
 from taxel.cli.printing import console, print_json
+from taxel.errors import BadInput
+
+_MOST = 10_000
+"""Rows, channels or classes: larger networks would not fit the memory. Our choice."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +29,10 @@ class Models:
 
     def run(self) -> None:
         """Print the lists."""
+        for name in ("steps", "channels", "classes"):
+            if not 1 <= getattr(self, name) <= _MOST:
+                raise BadInput(f"--{name} within 1 and {_MOST}", str(getattr(self, name)),
+                               "choose another")  # fmt: skip
         rows = self._rows()
         if self.json:
             print_json(rows)
