@@ -146,6 +146,13 @@ def test_a_source_that_ends_ends_the_recording(tmp_path):
     assert record(Numbered(33), tmp_path / "a.mcap", 10.0)["scans"] == 33
 
 
+def test_a_stop_before_the_first_scan_is_not_taken_for_a_silent_source(tmp_path):
+    """Ctrl-C at once: it said that none came in 5 s."""
+    with pytest.raises(BadSource, match="none before it was stopped"):
+        record(Numbered(10_000), tmp_path / "a.mcap", 10.0, stopped=lambda: True)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_stop_completes_the_file(tmp_path):
     """When asked to stop, what was measured is kept and the file says why it ended."""
     questions = iter([False] * 4 + [True] * 99)

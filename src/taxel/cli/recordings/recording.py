@@ -210,9 +210,11 @@ def _wait_for_first(source: Source, stopped: Callable[[], bool]) -> tuple[Sample
             return samples, frames
     raise BadSource(
         "a source that delivers scans or frames",
-        "none before it ended" if source.ended else f"none in {SILENCE_S:g} s",
+        "none before it was stopped" if stopped()
+        else "none before it ended" if source.ended
+        else f"none in {SILENCE_S:g} s",
         "check the cable, the address and the device's power",
-    )
+    )  # fmt: skip
 
 
 def _latest_arrival_s(samples: Samples, frames: list[Frame]) -> float:
