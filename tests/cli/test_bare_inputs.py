@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from taxel.cli.main import main
+from taxel.cli.training import train_trials, tune
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import SensorInfo
@@ -41,3 +44,31 @@ def test_of_a_hand_that_was_only_listened_to_nothing_is_claimed(
     line = capsys.readouterr().out
     assert f"{action}: listened for 0.50 s" in line
     assert "fingers rest" not in line
+
+
+def test_what_a_search_found_is_valid_json_where_there_is_no_interval(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One session alone has no interval: tune.json held NaN, which is no JSON."""
+    monkeypatch.setattr("taxel.training.run.save_run", lambda *_: None)
+    tune._save(tmp_path, run=None, about={"outer": {"interval": (math.nan, math.nan)}})  # type: ignore[arg-type]
+
+    def refuse(word: str) -> None:
+        raise ValueError(word)
+
+    text = (tmp_path / "tune.json").read_text()
+    assert json.loads(text, parse_constant=refuse) == {"outer": {"interval": [None, None]}}
+
+
+@pytest.mark.parametrize("named", [".", "../pours", "pours.csv"])
+def test_a_run_of_camera_trials_is_named_for_its_data_from_within_them(
+    named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """taxel train-trials . wrote to a folder -run."""
+    made: list[Path] = []
+    (tmp_path / "pours").mkdir()
+    monkeypatch.chdir(tmp_path / "pours")
+    monkeypatch.setattr(train_trials.TrainTrials, "_train", lambda _, output: made.append(output))
+    train_trials.TrainTrials(trials=Path(named)).run()
+    assert made == [Path("pours-run")]
+    assert os.listdir() == []

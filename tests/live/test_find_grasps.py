@@ -91,7 +91,8 @@ def test_the_alarm_of_each_grasp_is_counted_where_cameras_find_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """No mark ends such a grasp: of all alarms of a session the first grasp's alone was counted."""
-    states = "STABLE WARNING UNSTABLE NO_GRASP STABLE STABLE WARNING NO_GRASP STABLE".split()
+    first, second = ["STABLE", "WARNING", "UNSTABLE"], ["STABLE", "STABLE", "WARNING"]
+    states = [*first, "NO_GRASP", *second, "NO_GRASP", "STABLE"]
     starts = {0, 4, 8}
 
     class Monitor:

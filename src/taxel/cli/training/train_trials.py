@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -51,7 +52,7 @@ class TrainTrials:
 
     def run(self) -> None:
         """Check, train and save."""
-        output = self.output or Path(f"{self.trials.name.removesuffix('.csv')}-run")
+        output = self.output or _folder_for(self.trials)
         check_run_folder(output)
         with only_writer(output):
             self._train(output)
@@ -129,6 +130,11 @@ class TrainTrials:
         )
         live = command("taxel", "live", output / IN_RUN, self.options.test or self.trials)
         say(f"next: {live}")
+
+
+def _folder_for(trials: Path) -> Path:
+    """Return where a run goes that nobody named: for ".", too, it is called after its data."""
+    return Path(f"{Path(os.path.abspath(trials)).name.removesuffix('.csv')}-run")
 
 
 def _measured(split: TrialSplit, results: list[TrialResult]) -> dict[str, float]:

@@ -21,6 +21,7 @@ from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import BadInput
 from taxel.held import only_writer
+from taxel.plain_text import finite
 from taxel.recordings.whole import write_whole
 
 if TYPE_CHECKING:
@@ -102,8 +103,8 @@ class Tune:
                 on_step=on_step,
             )  # fmt: skip
             run = _trained(self.data, tuned, output, on_step)
-        about = _about(tuned, output, url)
-        _save(output, run, about)
+            about = _about(tuned, output, url)
+            _save(output, run, about)  # before anybody else may write there
         if self.json:
             print_json(about)
             return
@@ -140,7 +141,7 @@ def _save(output: Path, run: Run, about: dict[str, Any]) -> None:
     from taxel.training.run import save_run
 
     save_run(output, run)
-    text = json.dumps(about, indent=1, default=str) + "\n"
+    text = json.dumps(finite(about), indent=1, default=str, allow_nan=False) + "\n"
     write_whole(output / "tune.json", text.encode())
 
 
