@@ -16,7 +16,7 @@ from taxel.evaluation.teng.table_4_1 import PUBLISHED, ROWS, Section
 from taxel.plain_text import number_of
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Mark
-from taxel.training.environment import environment
+from taxel.training.environment import Provenance
 from taxel.views.figures import plots as figures
 from taxel.views.report.page import Html, number, png_figure, split_name, text, write_page
 from taxel.views.tables.results import HEADINGS, with_interval
@@ -45,8 +45,7 @@ def write_teng_report(path: Path, sections: list[Section], folders: dict[str, Pa
         parts.append(_signal(preset, folder))
     for section in sections:
         parts.append(_section(section))
-    command = "taxel reproduce table-4-1 --html FILE"
-    _write(path, "taxel: Table 4.1", parts, command)
+    _write(path, "taxel: Table 4.1", parts)
 
 
 def write_checked_report(path: Path, checked: Checked) -> None:
@@ -79,8 +78,7 @@ def write_checked_report(path: Path, checked: Checked) -> None:
             "Confusion of all test windows.",
         ),
     ]
-    command = f"taxel evaluate FOLDER --split {pooled.split!r} --html FILE"
-    _write(path, f"taxel: {checked.recipe.target}", parts, command)
+    _write(path, f"taxel: {checked.recipe.target}", parts)
 
 
 def _signal(preset: str, folder: Path) -> str:
@@ -168,10 +166,11 @@ def _section(section: Section) -> str:
     )
 
 
-def _write(path: Path, title: str, parts: list[str], command: str) -> None:
-    made = ", ".join(f"{name} {value}" for name, value in environment().items())
-    foot = (
-        f"<h2>How this was made</h2><p><code>{text(command)}</code></p>"
-        f"<p><small>{text(made)}.</small></p>"
-    )
+def _write(path: Path, title: str, parts: list[str]) -> None:
+    how = Provenance.now()
+    made = ", ".join(f"{name} {value}" for name, value in how.environment.items())
+    command = f"<code>{text(how.command)}</code>" if how.command else (
+        "made from Python, not by a command"
+    )  # fmt: skip
+    foot = f"<h2>How this was made</h2><p>{command}</p><p><small>{text(made)}.</small></p>"
     write_page(path, title, [Html("".join([*parts, foot]))])
