@@ -16,6 +16,7 @@ from taxel.cli.recordings.collect import Collect
 from taxel.cli.recordings.hand import Hand
 from taxel.errors import BadInput
 from taxel.recordings.reader import read_recording
+from taxel.recordings.trial_plan import read_plan
 
 HAND = "sim://hand?stroke_s=0.6&speed=max"
 PLAN = """group:session,group:object,label:shape,label:material,times
@@ -142,6 +143,34 @@ def test_a_key_typed_before_the_question_closes_nothing(
     assert capsys.readouterr().err.count("put into the open hand") == 1
     assert rig.actuator.hand.plant.position.max() == 0.0
     assert list((tmp_path / "grasps").glob("*")) == []
+
+
+def test_with_no_ask_a_key_is_waited_for_once_where_motion_was_not_allowed_at_once(
+    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):  # fmt: skip
+    """It waited before each object all the same, as if --no-ask had not been given."""
+    rig = grasping.open_grasping("sim://teng?seed=3", HAND)
+    assert rig.place is not None
+    place = rig.place
+
+    trials, made = read_plan(plan), list[object]()
+    whole = collecting.collect_grasp
+
+    def grasp(*words: object) -> object:
+        made.append(whole(*words))  # type: ignore[arg-type]
+        if len(made) < len(trials):
+            place(trials[len(made)])
+        return made[-1]
+
+    place(trials[0])
+    monkeypatch.setattr(collecting, "collect_grasp", grasp)
+    monkeypatch.setattr(grasping, "open_grasping", lambda *_: replace(rig, place=None))
+    monkeypatch.setattr(collect_verb, "Keys", lambda: Typed("\nq"))
+    monkeypatch.setattr(type(collect_verb.console), "is_terminal", property(lambda _: True))
+    collect(plan, tmp_path / "grasps", "--no-ask")
+    assert capsys.readouterr().err.count("put into the open hand") == 1
+    assert len(list((tmp_path / "grasps").glob("*.mcap"))) == 3
 
 
 def test_an_empty_hand_is_tried_three_times_and_then_said(

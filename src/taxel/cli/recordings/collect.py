@@ -98,7 +98,7 @@ def collect_plan(
         say_aside(balance_line(trials, done))
         rig = open_grasping(source, hand)
         asks = rig.place is None and (ask or not arm)
-        made = _grasp_all(rig, trials, done, output, config, asks=asks)
+        made = _grasp_all(rig, trials, done, output, config, asks=asks, each=ask)
     ready = done_of(trials, output)
     return {
         "trials": len(trials),
@@ -116,8 +116,12 @@ def _grasp_all(
     config: CycleConfig,
     *,
     asks: bool,
+    each: bool,
 ) -> list[CollectedGrasp]:
-    """Grasp each trial that is missing, in order."""
+    """Grasp each trial that is missing, in order.
+
+    Where it `asks`, that is before `each` object, or else before the hand first moves.
+    """
     from taxel.actions.hand_driver import HandDriver, hand_limits
 
     if asks and not console.is_terminal:
@@ -138,7 +142,7 @@ def _grasp_all(
                 if trial.number in ready or stopped():
                     continue
                 bars.update(bar, description=f"grasp {trial.number}: {trial.words}")
-                wait = asks and trial.words != before
+                wait = asks and (trial.words != before if each else not grasps)
                 grasp = _one(rig, source, driver, trial, output, config,
                              keys if wait else None, stopped)  # fmt: skip
                 if grasp is None:
