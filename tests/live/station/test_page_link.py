@@ -327,6 +327,16 @@ def test_no_line_is_drawn_across_what_was_not_read_while_no_page_was_open(make: 
         assert np.flatnonzero(np.isnan(found)).tolist() == [jump]
 
 
+def test_the_newest_moment_does_not_go_back_where_two_monitors_answer(make: Any):
+    """The page took that for another clock, and cleared its traces."""
+    rig = make((NONE, (LEFT,)))
+    moments = []
+    for time_s in (5.0, 4.99, 5.02):
+        rig.monitor.put(pack({"kind": "grasp", "time_s": time_s, "p": 0.2}))
+        moments.append(rig.view.traces(-math.inf)["time_s"])
+    assert moments == [5.0, 5.0, 5.02]
+
+
 def test_a_trace_of_scores_holds_no_probability(make: Any):
     rig = make((NONE, (LEFT,)))
     rig.supervisor.put(pack({"time_s": 0.5, "scored": True}))
@@ -357,9 +367,7 @@ def test_an_array_whose_clock_runs_a_little_fast_is_shown_whole(make: Any, rate_
 
 
 def test_what_comes_later_than_newer_rows_of_an_array_is_shown_all_the_same(make: Any):
-    """A decision is of images of some 40 ms ago, and an event waits for the next status: where an
-    array runs beside, its newest row was newer, and the page never showed either.
-    """
+    """A decision is of images of some 40 ms ago, an event waits for a status: never shown."""
     rig = make((NONE, (LEFT,)), (HAND, ()))
 
     def rows(*times_s: float) -> None:
@@ -387,6 +395,5 @@ def test_an_event_is_sent_once_where_no_source_gives_anything_any_more(make: Any
     rig = make((HAND, ()))
     rig.to[0].put(pack(Samples.from_values(np.ones((1, 2)), np.array([5.0]))))
     rig.supervisor.put(pack({"events": [[6.0, "the hand is gone"]]}))
-    first = rig.view.traces(-math.inf)
-    assert len(first["events"]) == 1
+    assert len((first := rig.view.traces(-math.inf))["events"]) == 1
     assert rig.view.traces(first["time_s"])["events"] == []

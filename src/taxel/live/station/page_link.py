@@ -200,7 +200,9 @@ class StationView:
         self._refresh()
         rows = [] if self._array is None else list(self._array.rows)
         events = self._newest.get("events", [])
-        each = tuple(found[-1][0] if found else -math.inf for found in (rows, self._p, events))
+        # Of several monitors' chances the last that came is not always the newest.
+        each = tuple(max([-math.inf, *(found[0] for found in every)])
+                     for every in (rows[-1:], self._p, events[-1:]))  # fmt: skip
         newest_s = max([moment for moment in each if math.isfinite(moment)], default=0.0)
         after = self._answered.get(since_s, (since_s, since_s, since_s))
         if since_s > newest_s:
