@@ -141,6 +141,20 @@ def test_a_group_given_for_the_recording_goes_before_what_the_source_says(tmp_pa
     assert recording.marks[0].groups == {"grasp": "1"}
 
 
+def test_a_grasp_that_begins_after_the_end_is_no_mark_of_the_recording(tmp_path):
+    """A simulator at full speed gives seconds in one read: such a trial had no scan in the file."""
+
+    class Hurried(Numbered):
+        def marks(self) -> list[Mark]:
+            first = 7.0  # of `Numbered`
+            return [Mark(start_s=first + s, end_s=first + s + 0.1, labels={"shape": "ball"})
+                    for s in (0.05, 0.195, 0.2, 0.3)]  # fmt: skip
+
+    record(Hurried(500), tmp_path / "a.mcap", 0.2)
+    starts = {round(mark.start_s, 3) for mark in read_recording(tmp_path / "a.mcap").marks}
+    assert starts == {7.05, 7.195}
+
+
 def test_a_source_that_ends_ends_the_recording(tmp_path):
     """A short replay gives a short, complete recording."""
     assert record(Numbered(33), tmp_path / "a.mcap", 10.0)["scans"] == 33

@@ -19,7 +19,7 @@ from taxel.plain_text import number_of
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.tally import camera_line
 from taxel.recordings.writer import Recorder
-from taxel.signals import Frame, Samples
+from taxel.signals import Frame, Mark, Samples
 from taxel.sources.contract import Source
 
 SILENCE_S = 5.0
@@ -82,7 +82,8 @@ def record_source(
             for frame in inside:
                 recorder.frame(frame)
             for mark in source.marks():
-                recorder.mark(mark.within(groups))
+                if span.holds(mark):
+                    recorder.mark(mark.within(groups))
             if len(samples) or frames:
                 heard = time.monotonic()
                 bars.update(bar, completed=span.done_s)
@@ -133,6 +134,10 @@ class _Span:
     def over(self) -> bool:
         """True once the array and each camera are past its end, or one of them far past it."""
         return not self._waited_for or self._newest_s >= self._end_s + LATE_S
+
+    def holds(self, mark: Mark) -> bool:
+        """Return whether any of a mark's time is recorded: one read may give far more than that."""
+        return mark.start_s < self._end_s
 
     def take(self, samples: Samples, frames: list[Frame]) -> tuple[Samples, list[Frame]]:
         """Return the scans and frames that lie inside."""
