@@ -7,11 +7,15 @@ import math
 import os
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from taxel.cli.devices import doctor, flash
+from taxel.cli.devices.calibrate_cycles import _unit
 from taxel.cli.main import main
 from taxel.cli.training import train_trials, tune
+from taxel.errors import BadSource
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import SensorInfo
@@ -72,3 +76,28 @@ def test_a_run_of_camera_trials_is_named_for_its_data_from_within_them(
     train_trials.TrainTrials(trials=Path(named)).run()
     assert made == [Path("pours-run")]
     assert os.listdir() == []
+
+
+def test_where_a_process_cannot_be_bound_to_cores_all_of_them_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On macOS the machine was said to have one core."""
+    monkeypatch.delattr(os, "sched_getaffinity")
+    monkeypatch.setattr(os, "cpu_count", lambda: 8)
+    (found,) = [check for check in doctor.examine(tmp_path) if check.name == "processor cores"]
+    assert (found.ok, found.found) == (True, "8")
+
+
+def test_a_port_that_never_opens_is_named_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It named nothing: got ;."""
+    port = SimpleNamespace(is_open=False, trouble="", take=list, close=lambda: None)
+    monkeypatch.setattr(flash, "_serial_port", lambda: lambda *_: port)
+    with pytest.raises(BadSource, match="got a port that does not open"):
+        flash.hear_hello("/dev/ttyACM0", 500_000, 0.02)
+
+
+def test_heights_of_taps_have_the_unit_of_the_channel_that_was_tapped() -> None:
+    """Of an array whose first channel is a thermometer they were degrees."""
+    info = SensorInfo(name="a", channels=("t", "x", "y"), units=("degC", "V", "V"), rate_hz=1.0)
+    assert _unit(info, ["x", "y"]) == "V"
+    assert _unit(info, ["t", "x"]) == "degC, V"

@@ -213,7 +213,7 @@ def _document(address: str, info: SensorInfo, found: Sequence[Durability]) -> di
         "software": f"taxel {__version__}",
         "source": address,
         "sensor": {"name": info.name, "serial": info.serial},
-        "unit": info.units[0],
+        "unit": _unit(info, [each.channel for each in found]),
         "channels": [finite(asdict(channel)) for channel in found],
         "notes": [
             *_not_stated(found),
@@ -223,6 +223,12 @@ def _document(address: str, info: SensorInfo, found: Sequence[Durability]) -> di
             "the speed of the finger or machine that taps",
         ],
     }
+
+
+def _unit(info: SensorInfo, channels: Sequence[str]) -> str:
+    """Return the unit of the heights of these channels, of which an array may have several."""
+    units = dict.fromkeys(info.units[column] for column in info.indices(tuple(channels)))
+    return next(iter(units)) if len(units) == 1 else ", ".join(units)
 
 
 def _not_stated(found: Sequence[Durability]) -> list[str]:

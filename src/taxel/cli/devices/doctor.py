@@ -115,7 +115,8 @@ def examine(output: Path, root: Path = Path("/")) -> Iterator[Check]:
     yield write_speed(output)
     for group, patterns in GROUPS.items():
         yield device_nodes(group, patterns, root / "dev")
-    yield cores(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
+    yield cores(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity")
+                else os.cpu_count() or 1)  # fmt: skip
     yield real_time()
     yield governor(root / "sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
     yield clock_source(root / "sys/devices/system/clocksource/clocksource0/current_clocksource")

@@ -215,7 +215,9 @@ def hear_hello(path: str, baud: int, wait_s: float) -> Hello:
                 port.write(_IDENTIFY)
                 ask_s = clock.now_s() + _ASK_S
             clock.sleep(0.005)
-        got = port.trouble if not port.is_open else f"{number_of(heard, 'byte')} and no hello"
+        got = f"{number_of(heard, 'byte')} and no hello"
+        if not port.is_open:
+            got = port.trouble or "a port that does not open"
     finally:
         port.close()
     raise BadSource(
