@@ -2,7 +2,9 @@
 
 import re
 
+from taxel.training.curves import Curve, Epoch
 from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart, matrix
+from taxel.views.report.curves_part import curves_part
 from taxel.views.report.page import Html, band, percent, table, tag, text
 
 
@@ -47,3 +49,11 @@ def test_a_matrix_shows_shares_of_the_true_class():
 
     assert "0.75<br><small>3</small>" in drawn
     assert "0.25<br><small>1</small>" in drawn
+
+
+def test_a_gap_that_is_not_known_is_a_dash():
+    """An epoch whose accuracy was not measured gave nan points."""
+    curve = Curve("fold 1", (Epoch(1, 0.5, training_loss=0.4, validation_loss=0.6),))
+    page = curves_part([curve])
+    assert "nan" not in page
+    assert "Gap after the last epoch: 0.200 nats, – points." in page

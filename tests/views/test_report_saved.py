@@ -97,3 +97,16 @@ def test_a_level_that_leaves_other_windows_is_drawn_beside_what_those_gave_witho
 
     assert len(grey(flat)) == len(grey(raised)) == 1
     assert float(grey(raised).pop()) < float(grey(flat).pop()), "higher on the page is more"
+
+
+def test_a_figure_that_one_row_lacks_leaves_the_others_in_their_columns():
+    """What is not finite is saved as null: the figures behind it stood under another heading."""
+    rows = [
+        {"name": "ours", "trials": {"trials": 4, "accuracy": 0.5, "auc": 0.6, "loss": 0.7}},
+        {"name": "bar", "trials": {"trials": 4, "accuracy": 0.1, "auc": None, "loss": 0.3}},
+    ]
+    data = {"rows": rows, "crops_a_trial": 3, "crop": 8, "target": "shape", "trials": 4,
+            "split": "random", "folds": 2}  # fmt: skip
+    _, page = saved_part(data, "scores.json")
+    assert "<td>bar</td><td>0.100</td><td>–</td><td>0.300</td>" in page
+    assert "<th>name</th><th>accuracy</th><th>auc</th><th>loss</th>" in page

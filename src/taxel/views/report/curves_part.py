@@ -64,7 +64,7 @@ def _gap_words(curves: Sequence[Curve]) -> str:
     """Return the mean gap in words."""
     gaps = np.array([curve.gap for curve in curves])
     loss, points = np.nanmean(gaps, axis=0) if np.isfinite(gaps).any() else (math.nan, math.nan)
-    return f"Gap after the last epoch: {number(loss, 3)} nats, {100 * points:.1f} points."
+    return f"Gap after the last epoch: {number(loss, 3)} nats, {number(100 * points, 1)} points."
 
 
 def _gaps(curves: Sequence[Curve]) -> Html:
@@ -74,7 +74,8 @@ def _gaps(curves: Sequence[Curve]) -> Html:
         rows.append([
             curve.name, str(len(curve.epochs)), number(last.training_loss, 3),
             number(last.validation_loss, 3), percent(last.training_accuracy),
-            percent(last.validation_accuracy), f"{100 * points:+.1f}",
+            percent(last.validation_accuracy),
+            "–" if math.isnan(points) else f"{100 * points:+.1f}",
         ])  # fmt: skip
     head = ["fold", "epochs", "loss, training", "loss, held out", "accuracy, training",
             "accuracy, held out", "gap, points"]  # fmt: skip

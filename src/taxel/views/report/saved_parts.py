@@ -235,11 +235,11 @@ def _crop_words(data: Row) -> str:
 
 
 def _trials(data: Row) -> Html:
-    rows = [
-        {"name": row["name"]}
-        | {name: value for name, value in row["trials"].items() if isinstance(value, float)}
-        for row in data["rows"]
-    ]
+    # What is not finite was saved as null: a figure that any row has is a column of all.
+    names = dict.fromkeys(
+        name for row in data["rows"] for name, value in row["trials"].items()
+        if isinstance(value, float)
+    )  # fmt: skip
     return join(
         [
             tag(
@@ -249,9 +249,9 @@ def _trials(data: Row) -> Html:
                 f"each; {data['split']}, {number_of(data['folds'], 'fold')}.",
             ),
             table(
-                list(rows[0]),
-                [[value if i == 0 else number(value, 3) for i, value in enumerate(row.values())]
-                 for row in rows],
+                ["name", *names],
+                [[row["name"], *(number(row["trials"].get(name), 3) for name in names)]
+                 for row in data["rows"]],
             ),
         ]
     )  # fmt: skip
