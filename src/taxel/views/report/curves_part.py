@@ -62,8 +62,10 @@ def curves_part(curves: Sequence[Curve], ink: str = "var(--c0)") -> Html:
 
 def _gap_words(curves: Sequence[Curve]) -> str:
     """Return the mean gap in words."""
-    gaps = np.array([curve.gap for curve in curves])
-    loss, points = np.nanmean(gaps, axis=0) if np.isfinite(gaps).any() else (math.nan, math.nan)
+    sides = np.array([curve.gap for curve in curves]).T
+    loss, points = (
+        float(np.nanmean(side)) if np.isfinite(side).any() else math.nan for side in sides
+    )
     return f"Gap after the last epoch: {number(loss, 3)} nats, {number(100 * points, 1)} points."
 
 
