@@ -16,6 +16,7 @@ from taxel.recordings.whole import check_place
     [
         ("distil d --backbone densenet121 --output file/x.safetensors", "which is no folder"),
         ("train-encoder d --output file/more/x.safetensors", "which is no folder"),
+        ("train-backbone d --backbone edge --output file/x.safetensors", "which is no folder"),
         ("train-encoder d --output card.safetensors", "the folder card.json"),
         ("distil d --backbone densenet121 --output x.safetensors --start no", "no no"),
         ("distil d --backbone densenet121 --output x.safetensors --cache file", "no folder"),

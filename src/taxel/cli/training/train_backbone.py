@@ -26,6 +26,7 @@ from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import command, print_json, progress, say
 from taxel.errors import BadInput
 from taxel.plain_text import number_of
+from taxel.recordings.whole import check_place
 
 if TYPE_CHECKING:
     import numpy as np
@@ -166,6 +167,7 @@ class TrainBackbone:
         if self.output.is_dir() or not self.output.name.endswith(".safetensors"):
             raise BadInput("--output NAME.safetensors: a backbone's weights", str(self.output),
                            f"name a file such as {self.backbone}.safetensors")  # fmt: skip
+        check_place(self.output)
 
     def _about(self, recordings: int, start: Weights) -> About:
         """Return the description that the file of weights holds."""
