@@ -200,14 +200,16 @@ class StationView:
         self._refresh()
         rows = [] if self._array is None else list(self._array.rows)
         events = self._newest.get("events", [])
-        # Of several monitors' chances the last that came is not always the newest.
-        each = tuple(max([-math.inf, *(found[0] for found in every)])
-                     for every in (rows[-1:], self._p, events[-1:]))  # fmt: skip
+        each = (
+            rows[-1][0] if rows else -math.inf,
+            max([t for t, _ in self._p], default=-math.inf),  # of several monitors: not the last
+            float(events[-1][0]) if events else -math.inf,
+        )
         newest_s = max([moment for moment in each if math.isfinite(moment)], default=0.0)
         after = self._answered.get(since_s, (since_s, since_s, since_s))
         if since_s > newest_s:
             after = (-math.inf, -math.inf, -math.inf)
-        self._answered.setdefault(newest_s, (each[0], each[1], each[2]))
+        self._answered.setdefault(newest_s, each)
         while len(self._answered) > _ANSWERS:
             self._answered.popitem(last=False)
         chances = [(t, p) for t, p in self._p if t > after[1]]
