@@ -11,7 +11,7 @@ from taxel.cli.printing import console, print_json
 from taxel.errors import BadInput
 
 _MOST = 10_000
-"""Rows, channels or classes: larger networks would not fit the memory. Our choice."""
+"""Rows, channels or classes: larger networks would not fit the memory."""
 
 
 @dataclass(frozen=True, kw_only=True)
