@@ -101,3 +101,14 @@ def test_heights_of_taps_have_the_unit_of_the_channel_that_was_tapped() -> None:
     info = SensorInfo(name="a", channels=("t", "x", "y"), units=("degC", "V", "V"), rate_hz=1.0)
     assert _unit(info, ["x", "y"]) == "V"
     assert _unit(info, ["t", "x"]) == "degC, V"
+
+
+def test_the_median_slip_of_an_even_number_of_pours_lies_between_the_middle_two(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It was the larger of them."""
+    rows = [{"run": f"r{um}", "force_n": 15.0, "outcome": "hold", "slip_um": um}
+            for um in (10.0, 30.0)]  # fmt: skip
+    monkeypatch.setattr("taxel.sources.simulated.pour_folder.write_pours", lambda *_, **__: rows)
+    main(["simulate", "cup-pour", "--output", str(tmp_path / "cups"), "--forces-n", "15"])
+    assert "20 µm" in capsys.readouterr().out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import median
 from typing import Annotated, ClassVar, Literal
 
 import tyro
@@ -109,7 +110,7 @@ class CupPour:
             at_force = [row for row in rows if row["force_n"] == force_n]
             counts = [sum(row["outcome"] == name for row in at_force)
                       for name in ("hold", "gross slip", "drop")]  # fmt: skip
-            slip_um = sorted(row["slip_um"] for row in at_force)[len(at_force) // 2]
+            slip_um = median(row["slip_um"] for row in at_force)
             table.add_row(
                 f"{force_n:g} N", str(len(at_force)), *map(str, counts), f"{slip_um:.0f} µm"
             )
