@@ -199,3 +199,30 @@ def test_without_a_terminal_no_key_is_pressed(tmp_path):
     (tmp_path / "keys").write_text("q")
     with (tmp_path / "keys").open() as stream, Keys(stream) as key:
         assert not key.quit
+
+
+@pytest.mark.parametrize(
+    ("sent", "heard"),
+    [
+        (["\x1b[D"], ""),
+        (["\x1b[A\x1b[B"], ""),
+        (["\x1bOP", "\x1b[[A"], ""),
+        (["\x1b[1;5Dq"], "q"),
+        (["\x1b", "[", "D"], ""),
+        (["\x1b[", "[A"], ""),
+        (["\x1b[3", "~d"], "d"),
+        (["\x1b", "q"], "q"),
+        (["aD\x1b[Hx"], "adx"),
+    ],
+)
+def test_an_arrow_or_a_function_key_is_no_letter(sent: list[str], heard: str) -> None:
+    """The arrow up acknowledged all alarms, that to the left disarmed, or discarded a recording."""
+    pytest.importorskip("termios")
+    controller, terminal = os.openpty()
+    with os.fdopen(terminal, "r") as stream, Keys(stream) as key:
+        found = ""
+        for part in sent:
+            os.write(controller, part.encode())
+            found += key.typed()
+        assert found == heard
+    os.close(controller)

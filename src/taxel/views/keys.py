@@ -7,9 +7,16 @@ system has no POSIX terminals, no key is ever pressed and Ctrl-C remains.
 from __future__ import annotations
 
 import os
+import re
 import select
 import sys
 from typing import Any, Self, TextIO
+
+_SEQUENCE = re.compile(r"\x1b(\[\[[ -~]|\[[0-?]*[ -/]*[@-Z\\-~]|O[ -~])")
+"""What a terminal sends for a key that is no letter: ESC [ D for the arrow to the left, ESC O P or,
+without windows, ESC [ [ A for F1. Source: ECMA-48, 5.4; xterm's sequences; console_codes(4).
+"""
+_BEGUN = re.compile(r"\x1b(\[\[?|\[[0-?]*[ -/]*|O)?\Z")
 
 
 class Keys:
@@ -22,6 +29,8 @@ class Keys:
     def __init__(self, stream: TextIO = sys.stdin) -> None:
         self._stream = stream
         self._before: list[Any] | None = None
+        self._begun = ""
+        """The beginning of a key's sequence whose rest has not come yet."""
 
     def __enter__(self) -> Self:
         if not self._stream.isatty():
@@ -52,7 +61,10 @@ class Keys:
             keys = os.read(self._stream.fileno(), 64)
             if not keys:
                 return found + "q"
-            found += keys.decode("ascii", "ignore").lower()
+            text = _SEQUENCE.sub("", self._begun + keys.decode("ascii", "ignore"))
+            begun = _BEGUN.search(text)
+            self._begun = "" if begun is None else begun[0]
+            found += text.removesuffix(self._begun).replace("\x1b", "").lower()
         return found
 
     def forget(self) -> bool:
