@@ -130,7 +130,8 @@ def _grasp_all(
             "none",
             "add --arm --no-ask where objects come by themselves",
         )
-    ready, grasps = {trial.number for trial in done}, []
+    ready = {trial.number for trial in done}
+    grasps: list[CollectedGrasp] = []
     rig.actuator.connect()
     with rig.source as source, stop_signals() as stopped, Keys() as keys, progress() as bars:
         driver = HandDriver(rig.actuator, rig.clock, hand_limits(config.contact_ma))

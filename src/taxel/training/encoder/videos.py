@@ -139,8 +139,8 @@ def seen_digest(videos: Iterable[TouchVideo]) -> str:
     whole = hashlib.sha256()
     for video in videos:
         whole.update(f"{video.folder} {video.trial} {video.images.shape}\n".encode())
-        whole.update(np.ascontiguousarray(video.images))
-        whole.update(np.ascontiguousarray(video.slip_um))
+        whole.update(np.ascontiguousarray(video.images).data)
+        whole.update(np.ascontiguousarray(video.slip_um).data)
     return whole.hexdigest()
 
 
