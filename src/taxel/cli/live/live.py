@@ -46,8 +46,9 @@ class Live:
     recordings of an array or of camera trials, replayed one after another (as fast as possible:
     replay://FOLDER?speed=max)."""
     seconds: float | None = None
-    """Stop after this many seconds of the source's own time (with --page, --record and other
-    station options: of real time); unless given, at the source's end or at Ctrl-C."""
+    """Stop after this many seconds of the source's own time, of a folder's recordings each (with
+    --page, --record and other station options: of real time); unless given, at the source's end or
+    at Ctrl-C."""
     also: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
     """Another bundle to run on the same samples, such as material beside shape; may be given
     several times."""

@@ -156,7 +156,8 @@ export function probabilityTrace(place) {
   return Object.assign(trace, {
     mark(more, limits, newest) {
       if (limits) thresholds = limits;
-      events = [...events, ...more].filter((event) => event.t > newest - SHOWN_S - 1).slice(-60);
+      const fresh = more.filter((event) => !events.some((old) => old.t === event.t && old.text === event.text)); // after a reconnect they come again
+      events = [...events, ...fresh].filter((event) => event.t > newest - SHOWN_S - 1).slice(-60);
     },
     forget() {
       events = [];
