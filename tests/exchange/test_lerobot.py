@@ -283,7 +283,7 @@ def test_somebody_elses_data_set_gives_state_and_images_at_frame_over_fps(record
     )
 
 
-@pytest.mark.parametrize("names", [["channels", "height", "width"], None])
+@pytest.mark.parametrize("names", [["channels", "height", "width"], None, "absent"])
 def test_somebody_elses_images_may_have_their_channels_first(names, recordings, tmp_path):
     write_lerobot(recordings, tmp_path / "set")
     place = tmp_path / "set" / layout.EPISODES
@@ -293,7 +293,10 @@ def test_somebody_elses_images_may_have_their_channels_first(names, recordings, 
     file = tmp_path / "set" / layout.INFO
     info = json.loads(file.read_text())
     for side in ("left", "right"):
-        info["features"][f"observation.images.{side}"] |= {"shape": [3, 24, 32], "names": names}
+        feature = info["features"][f"observation.images.{side}"]
+        feature |= {"shape": [3, 24, 32], "names": names}
+        if names == "absent":
+            del feature["names"]
     file.write_text(json.dumps(info))
 
     back = import_lerobot(tmp_path / "set", tmp_path / "back")

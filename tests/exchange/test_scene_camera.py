@@ -27,9 +27,9 @@ def test_a_bag_passes_depth_and_colour_through(recording, tmp_path):
     rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="rosbags is not installed")
     typesys = pytest.importorskip("rosbags.typesys")
     counts = write_bags([recording], tmp_path / "bags")["a"]
-    assert counts["/camera/scene"] == counts["/camera/scene-depth"] == 48
+    assert counts["/camera/scene"] == counts["/camera/scene_depth"] == 48
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    for camera, topic, form in ((2, "/camera/scene", "jpeg"), (3, "/camera/scene-depth", "png")):
+    for camera, topic, form in ((2, "/camera/scene", "jpeg"), (3, "/camera/scene_depth", "png")):
         with rosbag2.Reader(tmp_path / "bags/a") as reader:
             wanted = [c for c in reader.connections if c.topic == topic]
             found = [store.deserialize_cdr(content, connection.msgtype)

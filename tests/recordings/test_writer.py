@@ -236,4 +236,5 @@ def test_a_folder_lists_its_recordings_by_name(finished, tmp_path):
 def test_what_macos_leaves_beside_a_recording_is_no_recording(finished):
     beside = finished.with_name(f"._{finished.name}")
     beside.write_bytes(b"\0\5\x16\7" + bytes(78))
+    beside.with_name(f"._{finished.stem}-2.mcap.part").write_bytes(b"\0\5\x16\7")
     assert list_recordings(finished.parent) == [finished]

@@ -212,6 +212,9 @@ def test_without_a_terminal_no_key_is_pressed(tmp_path):
         (["\x1b[", "[A"], ""),
         (["\x1b[3", "~d"], "d"),
         (["\x1b", "q"], "q"),
+        (["\x1b[3$", "d"], "d"),
+        (["\x1bO5D"], ""),
+        (["\x1b[99", "\x1b[A", "q"], "q"),
         (["aD\x1b[Hx"], "adx"),
     ],
 )

@@ -45,7 +45,8 @@ class Info:
     def size(self, key: str) -> tuple[int, int]:
         """Return height and width of an image's feature: by its names, else the channels' place."""
         shape = self.shape(key)
-        named = self.features[key].any("names")
+        own = self.features[key]
+        named = own.any("names") if "names" in own else None
         sides = ("height", "width")
         if isinstance(named, list) and len(named) == len(shape) and set(sides) <= set(named):
             return shape[named.index("height")], shape[named.index("width")]

@@ -7,7 +7,7 @@ with the command that saves it. Knows nothing about labels, windows or models.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -236,6 +236,10 @@ def how_ended(path: Path | str) -> str:
     return ended
 
 
+def _own(files: Iterable[Path]) -> list[Path]:
+    return sorted(file for file in files if not file.name.startswith("._"))
+
+
 def list_recordings(path: Path | str) -> list[Path]:
     """Return the recordings of a data set: a folder's *.mcap by name, or the one file.
 
@@ -250,11 +254,11 @@ def list_recordings(path: Path | str) -> list[Path]:
     if not path.exists():
         raise BadRecording("a recording or a folder of them", f"{path}, which is not there",
                            "check the path")  # fmt: skip
-    parts = sorted(path.glob(f"*.mcap{PART_SUFFIX}"))
+    parts = _own(path.glob(f"*.mcap{PART_SUFFIX}"))
     unfinished = [part for part in parts if not part.with_suffix("").exists()]
     if unfinished:
         raise damaged(unfinished[0], "a recording that was not finished")
-    found = sorted(file for file in path.glob("*.mcap") if not file.name.startswith("._"))
+    found = _own(path.glob("*.mcap"))
     if not found:
         raise BadRecording("a folder with recordings (*.mcap)", f"none in {path}", _instead(path))
     return found

@@ -166,6 +166,15 @@ def at_full_speed(url: str) -> str:
     return f"{scheme}://{name}?{write_options({**options, 'speed': 'max'})}"
 
 
+def options_of(url: str) -> dict[str, str]:
+    """Return an address's options.
+
+    Raises:
+        BadSource: It is no address.
+    """
+    return _split(url)[2]
+
+
 def _split(url: str) -> tuple[str, str, dict[str, str]]:
     """Return scheme, what follows it, and the options.
 

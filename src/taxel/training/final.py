@@ -141,7 +141,7 @@ def _job_text(recipe: Recipe, digest: str, learned: TrainingSet, classes: Sequen
     """
     content = hashlib.sha256()
     for part in (learned.windows.values, learned.windows.mask, learned.y):
-        content.update(np.ascontiguousarray(part).tobytes())
+        content.update(np.ascontiguousarray(part).data)
     job = {
         "data": digest,
         "learned": content.hexdigest(),
@@ -151,7 +151,8 @@ def _job_text(recipe: Recipe, digest: str, learned: TrainingSet, classes: Sequen
         "window": asdict(recipe.window),
         "train_stride": recipe.train_stride,
         "train_steps": recipe.train_steps,
-        "software": environment(),
+        # Without the commit: it is that of whatever project taxel is installed in.
+        "software": {name: text for name, text in environment().items() if name != "commit"},
         "code": code_digest(),
     }
     return json.dumps(job, sort_keys=True)

@@ -10,13 +10,16 @@ import os
 import re
 import select
 import sys
+import time
 from typing import Any, Self, TextIO
 
-_SEQUENCE = re.compile(r"\x1b(\[\[[ -~]|\[[0-?]*[ -/]*[@-Z\\-~]|O[ -~])")
+_SEQUENCE = re.compile(r"\x1b(\[\[[ -~]|\[[0-9;]+\$|\[[0-?]*[ -/]*[@-Z\\-~]|O[0-9;]*[A-Za-z])")
 """What a terminal sends for a key that is no letter: ESC [ D for the arrow to the left, ESC O P or,
 without windows, ESC [ [ A for F1. Source: ECMA-48, 5.4; xterm's sequences; console_codes(4).
 """
-_BEGUN = re.compile(r"\x1b(\[\[?|\[[0-?]*[ -/]*|O)?\Z")
+_BEGUN = re.compile(r"\x1b(\[\[?|\[[0-?]*[ -/]*|O[0-9;]*)?\Z")
+_REST_S = 1.0
+"""How long the rest of a sequence may take; then it has been lost. Source: our choice."""
 
 
 class Keys:
@@ -31,6 +34,7 @@ class Keys:
         self._before: list[Any] | None = None
         self._begun = ""
         """The beginning of a key's sequence whose rest has not come yet."""
+        self._begun_s = 0.0
 
     def __enter__(self) -> Self:
         if not self._stream.isatty():
@@ -61,9 +65,12 @@ class Keys:
             keys = os.read(self._stream.fileno(), 64)
             if not keys:
                 return found + "q"
-            text = _SEQUENCE.sub("", self._begun + keys.decode("ascii", "ignore"))
+            text, now_s = keys.decode("ascii", "ignore"), time.monotonic()
+            if not text.startswith("\x1b") and now_s - self._begun_s <= _REST_S:
+                text = self._begun + text
+            text = _SEQUENCE.sub("", text)
             begun = _BEGUN.search(text)
-            self._begun = "" if begun is None else begun[0]
+            self._begun, self._begun_s = "" if begun is None else begun[0], now_s
             found += text.removesuffix(self._begun).replace("\x1b", "").lower()
         return found
 

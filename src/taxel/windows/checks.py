@@ -57,8 +57,8 @@ def check_sensor(first: SensorInfo, own: SensorInfo, file: Path, config: WindowC
         )  # fmt: skip
     if (own.channels, own.units) != (first.channels, first.units):
         raise BadDataset(
-            f"the channels {', '.join(first.channels)} in every recording",
-            f"{', '.join(own.channels)} in {file.name}",
+            f"the channels {_with_units(first)} in every recording",
+            f"{_with_units(own)} in {file.name}",
             "put recordings of different sensors into different folders",
         )
     low_hz, high_hz = sorted((first.rate_hz, own.rate_hz))
@@ -76,6 +76,12 @@ def check_sensor(first: SensorInfo, own: SensorInfo, file: Path, config: WindowC
             f"recordings without {', '.join(missing)}; they have {', '.join(own.channels)}",
             "name channels that the recordings have",
         )
+
+
+def _with_units(sensor: SensorInfo) -> str:
+    return ", ".join(
+        f"{name} [{unit}]" for name, unit in zip(sensor.channels, sensor.units, strict=True)
+    )
 
 
 def nothing_found(path: Path, config: WindowConfig, where: Mapping[str, str] | None) -> BadDataset:

@@ -193,6 +193,12 @@ def test_a_speed_of_one_is_one_however_it_is_written() -> None:
     """speed=1.0 was refused: needed speed=1."""
     for own in ("replay://a.mcap", "sim://teng?speed=1", "replay://a.mcap?speed=1.0"):
         _check_pace(own)
-    for other in ("max", "2", "1.5", "nan"):
+    for other in ("max", "2", "1.5", "nan", "0.9999999"):
         with pytest.raises(BadSource, match="speed=1 where several processes run"):
             _check_pace(f"sim://teng?speed={other}")
+
+
+def test_the_speed_behind_a_name_with_a_question_mark_counts(tmp_path: Path) -> None:
+    (tmp_path / "why?.mcap").touch()
+    with pytest.raises(BadSource, match="speed=1 where several processes run"):
+        _check_pace(f"replay://{tmp_path}/why?.mcap?speed=max")

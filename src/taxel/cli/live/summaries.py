@@ -97,5 +97,6 @@ def print_station_summary(summary: dict[str, Any]) -> None:
             f"{name} {number_of(camera['frames'], 'frame')}"
             for name, camera in ledger.get("cameras", {}).items()
         ]
-        what = "taken in" if recording.get("error") else f"recorded: {recording['path']}"
+        failed = recording.get("error") and not recording.get("whole")
+        what = "taken in" if failed else f"recorded: {recording['path']}"
         say(f"  {what}: {', '.join(parts)}")

@@ -121,7 +121,7 @@ def _train_on_all(training: RecipeTraining, on_step: Callable[[str], None]) -> R
     except BadInput:
         if not checkpoints.exists():
             raise
-        return train(resume=False)  # checkpoints of another recipe or other data
+        return train(resume=False)  # checkpoints of another recipe, other data or software
 
 
 def _with_scores(run: Run, checked: Checked | None) -> Run:

@@ -20,11 +20,13 @@ def held_rows(values: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDArray
     """
     if usable.all():
         return values
-    row = np.arange(len(values))[:, None]
-    last = np.maximum.accumulate(np.where(usable, row, -1), axis=0)
-    at = np.where(last < 0, usable.argmax(axis=0), last)
-    held = np.take_along_axis(values, at, axis=0)
-    return np.asarray(np.where(usable.any(axis=0), held, np.float32(0.0)), np.float32)
+    held = np.zeros(values.shape, np.float32)
+    row = np.arange(len(values))
+    for channel in np.flatnonzero(usable.any(axis=0)):  # one after another: recordings may be long
+        own = usable[:, channel]
+        last = np.maximum.accumulate(np.where(own, row, own.argmax()))
+        held[:, channel] = values[last, channel]
+    return held
 
 
 def sums_of(values: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ Background of our choices: docs/decisions/0019 and 0046.
 
 from __future__ import annotations
 
+import errno
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -27,6 +28,7 @@ RECORDER = "recorder"
 NOT_RECORDING = "NOT RECORDING"
 """First words of the warning where a recording fails."""
 _ALARM = "recording"
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 _NOTHING: dict[str, Any] = {"on": False, "path": "", "seconds": 0.0, "bytes": 0, "error": ""}
 
 
@@ -187,11 +189,13 @@ class RecorderLink:
             for path in self.incomplete
         ]
         if refused:
+            room = ", and make room" if refused[-1].errno in _FULL else ""
             errors.append(
                 f"needed to log {number_of(len(refused), 'grasp')} in {self._log}; got "
-                f"{refused[-1].strerror}; note their outcome by hand, and make room."
+                f"{refused[-1].strerror}; note their outcome by hand{room}."
             )
-        self.newest = {**self.newest, "error": "\n".join(errors)}
+        whole = not self.incomplete and len(errors) == 1 and bool(refused)
+        self.newest = {**self.newest, "error": "\n".join(errors), "whole": whole}
         if self.incomplete:
             self.newest["incomplete"] = list(self.incomplete)
 

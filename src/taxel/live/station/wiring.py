@@ -8,11 +8,11 @@ Background of our choices: docs/decisions/0019.
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qsl
 
 from taxel.actions.interlock import InterlockConfig
 from taxel.actions.rule_table import RuleTable
@@ -33,7 +33,7 @@ from taxel.live.station.worker import Place
 from taxel.models.devices import CPU
 from taxel.plain_text import number_of
 from taxel.signals import CameraInfo, SensorInfo
-from taxel.sources.opening import recordings_of
+from taxel.sources.opening import options_of, recordings_of
 
 _RING_BYTES = 16 * 2**20
 """Of a source: six seconds of two cameras at 60 Hz. Source: our choice."""
@@ -320,10 +320,11 @@ def _check_pace(url: str) -> None:
     Raises:
         BadSource: Its address asks for another speed than 1.
     """
-    asked = dict(parse_qsl(url.partition("?")[2])).get("speed", "1")
+    asked = options_of(url).get("speed", "1")
+    pace = math.inf
     with contextlib.suppress(ValueError):  # max, or what the source itself refuses
-        asked = f"{float(asked):g}"
-    if asked != "1":
+        pace = float(asked)
+    if pace != 1.0:
         raise BadSource(
             "speed=1 where several processes run", f"speed={asked}",
             f"leave it out, or run {_ALONE}",

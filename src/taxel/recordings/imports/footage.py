@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from decimal import Decimal
@@ -76,7 +75,7 @@ _DECIMAL = re.compile(r"(.*?)(\d+)\.(\d+)")
 
 def _opened(path: Path) -> cv2.VideoCapture:
     """Return an open file. FFmpeg takes what is before a colon, as in 10:30, for a protocol."""
-    return cv2.VideoCapture(os.path.abspath(path))
+    return cv2.VideoCapture(str(path.absolute()))
 
 
 class Video:

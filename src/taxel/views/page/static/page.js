@@ -18,6 +18,7 @@ const cameras = new Cameras($("cameras"));
 let snapshot = null;
 let traces = null; // the newest map and time
 let lastTime = -Infinity;
+let sensorTime = -Infinity;
 let probability = null;
 let sensors = null;
 let arrayKey = "";
@@ -68,9 +69,14 @@ function takeTraces(next) {
     probability?.clear();
     probability?.forget();
     sensors?.clear();
+    sensorTime = -Infinity;
   }
   lastTime = next.time_s ?? lastTime;
-  if (next.sensors?.t?.length) touchMs = performance.now();
+  const newest = next.sensors?.t?.at(-1);
+  if (newest > sensorTime) { // rows that come again are not the present
+    sensorTime = newest;
+    touchMs = performance.now();
+  }
   const map = next.map ?? traces?.map ?? null;
   traces = { ...next, map };
   layOut();

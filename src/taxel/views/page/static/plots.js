@@ -157,7 +157,7 @@ export function probabilityTrace(place) {
     mark(more, limits, newest) {
       if (limits) thresholds = limits;
       const fresh = more.filter((event) => !events.some((old) => old.t === event.t && old.text === event.text)); // after a reconnect they come again
-      events = [...events, ...fresh].filter((event) => event.t > newest - SHOWN_S - 1).slice(-60);
+      events = [...events, ...fresh].filter((event) => event.t > newest - SHOWN_S - 1).sort((a, b) => a.t - b.t).slice(-60);
     },
     forget() {
       events = [];
