@@ -19,7 +19,7 @@ without windows, ESC [ [ A for F1. Source: ECMA-48, 5.4; xterm's sequences; cons
 """
 _BEGUN = re.compile(r"\x1b(\[\[?|\[[0-?]*[ -/]*|O[0-9;]*)?\Z")
 _REST_S = 1.0
-"""How long the rest of a sequence may take; then it has been lost. Source: our choice."""
+"""How long the rest of a sequence may take; then it is lost. Our choice, docs/decisions/0046."""
 
 
 class Keys:
