@@ -32,6 +32,10 @@ class Validity(IntFlag):
 UNUSABLE = Validity.MISSING | Validity.STALE | Validity.RECONNECTING | Validity.NOT_FINITE
 """Flags under which a value says nothing at all; a saturated one still says "at least"."""
 
+ROUNDING_S = 0.0005
+"""A row that is shown may come so much sooner than the next is due, seconds: times of 100 Hz are
+not 0.01 s apart to the last bit, and a board's clock may run a little faster than this machine's.
+Our choice, docs/decisions/0003."""
 
 PAUSE = "pause_s"
 """Name of the detail by which a camera says how long it sends nothing after a grasp, seconds."""

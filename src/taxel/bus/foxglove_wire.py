@@ -21,13 +21,11 @@ import numpy as np
 from taxel.bus.batches import json_bytes
 from taxel.bus.following import Item
 from taxel.recordings.frame_layout import FRAME_SCHEMA, FRAME_SCHEMA_NAME
-from taxel.signals import Samples
+from taxel.signals import ROUNDING_S, Samples
 
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 ROW_S = 0.01
 """Time between shown rows of an array: the common grid's, docs/decisions/0003."""
-_ROUNDING_S = 0.0005
-"""A row may come so much sooner: times of 100 Hz are not 0.01 s apart to the last bit."""
 _MESSAGE = struct.Struct("<BIQ")
 _MESSAGE_DATA = 0x01
 
@@ -74,7 +72,7 @@ class Rows:
         found = []
         values = np.where(samples.usable, samples.values, np.nan)
         for time_s, row in zip(samples.fitted_s.tolist(), values.tolist(), strict=True):
-            if time_s - self._shown_s >= ROW_S - _ROUNDING_S:
+            if time_s - self._shown_s >= ROW_S - ROUNDING_S:
                 self._shown_s = time_s
                 found.append((time_s, json_bytes(dict(zip(self.channels, row, strict=True)))))
         return found

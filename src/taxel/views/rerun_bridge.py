@@ -21,15 +21,13 @@ from taxel.live.station.page_link import ViewConfig
 from taxel.live.station.recording import apart
 from taxel.live.station.ring import RingReader
 from taxel.live.station.worker import Place, Pulse, at_work
-from taxel.signals import DEPTH_PNG, Frame, Samples
+from taxel.signals import DEPTH_PNG, ROUNDING_S, Frame, Samples
 
 _PAUSE_S = 0.02
 _MOST = 64
 """Messages of a ring taken at once: older ones are dropped by the ring, not queued here."""
 _ROW_S = 0.01
 """Time between logged rows of an array. Source: the common grid, docs/decisions/0003."""
-_ROUNDING_S = 0.0005
-"""A row may come so much sooner: times of 100 Hz are not 0.01 s apart to the last bit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,7 +112,7 @@ class _Bridge:
             sensor = self._view.sources[number].sensor
             usable = np.where(packet.usable, packet.values, np.nan)  # what is missing is no 0 V
             for time_s, values in zip(packet.fitted_s.tolist(), usable, strict=True):
-                if time_s - self._row_s[number] >= _ROW_S - _ROUNDING_S:
+                if time_s - self._row_s[number] >= _ROW_S - ROUNDING_S:
                     self._row_s[number] = time_s
                     rerun.set_time("time", duration=time_s)
                     rerun.log(f"arrays/{sensor.name}", rerun.Scalars(values.astype(np.float64)))

@@ -29,7 +29,7 @@ from taxel.live.station.packets import pack, unpack
 from taxel.live.station.recording import apart
 from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.snapshots import stalled_snapshot
-from taxel.signals import DEPTH_PNG, CameraInfo, Frame, Samples, SensorInfo
+from taxel.signals import DEPTH_PNG, ROUNDING_S, CameraInfo, Frame, Samples, SensorInfo
 
 _KEPT_S = 30.0
 _ROW_S = 0.01
@@ -38,9 +38,6 @@ _MAP_ROWS = 12
 _POINTS_HZ = 50
 _ANSWER_S = 3.0
 """How long a request may take until it is known to be fulfilled, seconds. Our choice."""
-_ROUNDING_S = 0.0005
-"""A row may come so much sooner: a board's clock runs a little faster than this machine's, and
-times of 100 Hz are not 0.01 s apart to the last bit. As for Rerun."""
 _TINY_S = 1e-6
 _ANSWERS = 1000
 """Answers of `traces` that are remembered: those of some seconds to each open page. Our choice."""
@@ -109,7 +106,7 @@ class _Array:
         for index, time_s in enumerate(samples.fitted_s.tolist()):
             if time_s - last_s > self.gap_s:
                 self.lack()
-            if time_s - last_s >= _ROW_S - _ROUNDING_S:
+            if time_s - last_s >= _ROW_S - ROUNDING_S:
                 values = np.where(samples.usable[index], samples.values[index], np.nan)
                 self.rows.append((time_s, values.tolist()))
                 last_s = time_s

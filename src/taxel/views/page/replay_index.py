@@ -20,14 +20,10 @@ from taxel.recordings.manifest import Manifest
 from taxel.recordings.mcap_file import MAGIC, RECORD_HEAD
 from taxel.recordings.reader import decoded
 from taxel.recordings.walk import damaged, open_chunk, walk
-from taxel.signals import Mark, Samples
+from taxel.signals import ROUNDING_S, Mark, Samples
 
 KEPT_HZ = 100.0
 """Scans a second that are kept for traces and the map. Source: the common time grid's rate."""
-
-_ROUNDING_S = 0.0005
-"""A scan may come so much sooner: times of 100 Hz are not 0.01 s apart to the last bit, and real
-clocks run a little fast. As for the live page."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +128,7 @@ def _thin(samples: Samples) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Return scans of a chunk that are a hundredth of a second apart, the first among them."""
     kept, last_s = [], -np.inf
     for row, time_s in enumerate(samples.fitted_s.tolist()):
-        if time_s - last_s >= 1 / KEPT_HZ - _ROUNDING_S:
+        if time_s - last_s >= 1 / KEPT_HZ - ROUNDING_S:
             kept.append(row)
             last_s = time_s
     values = np.where(samples.usable[kept], samples.values[kept], np.float32(np.nan))
