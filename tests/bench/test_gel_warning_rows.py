@@ -12,6 +12,7 @@ from taxel.bench.transitions.slip_warning import Warner, shipped_warner
 from taxel.bundles.grasp import read_grasp_bundle
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.evaluation.early_warning.learn_slip_warning import rule_drive
+from taxel.gel.ring_slip import RING_FEATURES
 from taxel.gel.slip_signal import TURN_MM
 from taxel.sim.pour.cup_pour import Gel
 from taxel.sim.pour.cups import OTHER_KINDS
@@ -22,10 +23,9 @@ from taxel.training.slip.cups import (
     keep_runs,
     paper_part,
     paper_runs,
-    true_pours,
+    seen_pours,
 )
-from taxel.training.slip.layer_poses import layer_pours
-from taxel.training.slip.rim_features import rim_features
+from taxel.training.slip.rim_features import ring_features
 
 
 def turns(cup: int, by_mm: float, gives_mm: float) -> PourRows:
@@ -37,6 +37,7 @@ def turns(cup: int, by_mm: float, gives_mm: float) -> PourRows:
         taken_s=taken_s, object=(by_mm + gives_mm) * share, gel=gives_mm * share,
         spread=np.zeros((125, 3)), seen=np.ones(125, np.bool_),
         shown=np.minimum(np.arange(300) * 25 // 60, 124), rim=gives_mm * share / 2,
+        rings=np.zeros((125, len(RING_FEATURES))),
     )  # fmt: skip
     slip_um = 1000.0 * by_mm * np.clip(time_s - 1.0, 0.0, 1.0)
     return PourRows(run, time_s, slip_um, np.zeros(300, np.bool_), (gel, gel))
@@ -81,19 +82,24 @@ def test_nothing_rendered_is_no_row_with_a_value():
 
 def test_a_layer_changes_what_the_gel_does_and_neither_the_cup_nor_what_happens():
     runs = paper_runs(31_000)[:1]
-    (first,), (second,) = true_pours(runs), layer_pours(runs)
+    (first,), (second,) = seen_pours(runs, 1), seen_pours(runs, 2)
 
     assert second.slip_um == pytest.approx(first.slip_um, abs=1e-6)
-    for one, two in zip(first.gels, second.gels, strict=True):
-        assert two.object == pytest.approx(one.object, abs=1e-6)
-        assert np.array_equal(one.shown, two.shown)
-        assert np.abs(two.gel - one.gel).max() > 0.005
+    event_s = first.first_s(300.0)
+    assert event_s is not None
+    for rigid, layer in zip(first.gels, second.gels, strict=True):
+        assert np.array_equal(rigid.shown, layer.shown)
+        before = rigid.taken_s < event_s
+        last = int(np.flatnonzero(before)[-1])
+        assert np.abs((layer.object - rigid.object)[before]).max() < 0.06
+        assert np.abs((layer.gel - rigid.gel)[before]).max() > 0.005
+        assert layer.rings[last, 0] > layer.rings[last, 5] + 0.2  # the outside stays behind
 
 
 @pytest.mark.parametrize("name", gel_warning.SHIPPED)
 def test_a_shipped_warning_is_taken_as_it_is(name):
     warner = shipped_warner(name)
-    (found,) = rim_features([turns(TEST_CUPS[0], 1.0, 0.1)])
+    (found,) = ring_features([turns(TEST_CUPS[0], 1.0, 0.1)])
     drive = warner.drive(found)
     bundle = read_grasp_bundle(shipped_bundle(name))
     windows = (found.rows[:, : bundle.offset.size] - bundle.offset) * bundle.factor
@@ -111,14 +117,14 @@ def test_a_shipped_warning_warns_of_a_straight_slide_too(name):
         for rows in turned.gels
     )
     warner = shipped_warner(name)
-    (found,) = rim_features([replace(turned, gels=straight)])
+    (found,) = ring_features([replace(turned, gels=straight)])
     drive = warner.drive(found)
     assert drive.max() > warner.threshold > drive[0]
 
 
 def test_what_ships_is_judged_as_it_ships_and_alone_has_goals(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(slip_warning, "COMPARED", ())
-    test = rim_features([turns(TEST_CUPS[0], 1.0, 0.1), turns(TEST_CUPS[1], 0.0, 0.1)])
+    test = ring_features([turns(TEST_CUPS[0], 1.0, 0.1), turns(TEST_CUPS[1], 0.0, 0.1)])
     named = {row.name: row for row in slip_warning.judge_rows([], test)}
 
     forecast = named["slip warning, forecast: median lead before 300 um, cups never seen"]

@@ -7,6 +7,7 @@ import pytest
 
 from taxel.bench.transitions import moving_grasps
 from taxel.bench.transitions.grasp_start import Detection, brushed, rows_of, start_runs
+from taxel.gel.ring_slip import RING_FEATURES
 from taxel.sim.pour.cups import MOVING_KINDS
 from taxel.training.slip.cups import TEST_CUPS, GelRows, PourRows, moving_part
 from taxel.training.slip.heads import features_of
@@ -57,7 +58,7 @@ def _slides(kind_number: int, by_mm: float) -> PourRows:
     gel = GelRows(
         taken_s=taken_s, object=moved, gel=np.zeros((125, 3)), spread=np.zeros((125, 3)),
         seen=np.ones(125, np.bool_), shown=np.minimum(np.arange(300) * 25 // 60, 124),
-        rim=np.zeros((125, 3)),
+        rim=np.zeros((125, 3)), rings=np.zeros((125, len(RING_FEATURES))),
     )  # fmt: skip
     slip_um = 1000.0 * by_mm * np.clip(time_s - 1.0, 0.0, 1.0)
     return PourRows(run, time_s, slip_um, np.zeros(300, np.bool_), (gel, gel))

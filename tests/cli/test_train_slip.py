@@ -7,8 +7,7 @@ import pytest
 
 from taxel.bundles.grasp import read_grasp_bundle
 from taxel.cli.main import main
-from taxel.evaluation.early_warning import learn_layer_warning, learn_slip_warning
-from taxel.training.slip.cups import NOISE_CUPS
+from taxel.evaluation.early_warning import learn_layer_warning
 
 
 @pytest.mark.parametrize(
@@ -18,6 +17,8 @@ from taxel.training.slip.cups import NOISE_CUPS
         ("--cups 481", "needed --cups from 8 to 480; got 481"),
         ("--false-alarms 0", "--false-alarms above 0"),
         ("--head rule --seed 3", "--seed"),
+        ("--false-alarms-shear 0.4", "--gel both"),
+        ("--gel both --false-alarms-shear 0", "--false-alarms-shear above 0"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_in_one_line(
@@ -37,20 +38,21 @@ def test_what_cannot_be_meant_is_refused_in_one_line(
 def test_both_gels_are_learned_from_and_the_rate_is_kept_on_each(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for module in (learn_slip_warning, learn_layer_warning):
-        monkeypatch.setattr(module, "NOISE_CUPS", NOISE_CUPS[:1])
+    monkeypatch.setattr(learn_layer_warning, "OTHER_CUPS", 5)
     poses, output = tmp_path / "poses", tmp_path / "slip.taxel"
-    words = f"train-slip {poses} --gel both --cups 8 --false-alarms 2 --output {output} --json"
-    main(words.split())
+    words = f"train-slip {poses} --gel both --cups 8 --output {output} --json"
+    main([*words.split(), "--false-alarms", "2", "--false-alarms-shear", "3"])
 
     found = json.loads(capsys.readouterr().out)
     assert found["gel"] == "both"
     assert set(found["by_gel"]) == {"1", "2"}
     assert found["by_gel"]["1"]["events"]["clusters"] == 8
-    for own in found["by_gel"].values():
-        assert own["events"]["false_alarms_per_min"] <= 2.0
-    assert len(list(poses.glob("*-layers-0.npz"))) == 8
-    assert len(list(poses.glob("*-layers-other.npz"))) == 4
+    for gel, most in (("1", 2.0), ("2", 3.0)):
+        assert found["by_gel"][gel]["events"]["false_alarms_per_min"] <= most
+    for name, count in (("images-0", 8), ("images-1", 8), ("images-other", 5)):
+        assert len(list(poses.glob(f"*-{name}.npz"))) == count
+        assert len(list(poses.glob(f"*-{name}-gel-2.npz"))) == count
     contract = read_grasp_bundle(output).contract
+    assert contract.features == "slip-rings"
     assert "missed on gel 2" in contract.measured
-    assert "rigid gels and on layers" in contract.data_digest
+    assert "rigid gels and of layers" in contract.data_digest

@@ -16,6 +16,7 @@ from taxel.evaluation.early_warning.learn_slip_warning import (
 )
 from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.gel.rim_slip import WITH_RIM, RimSlip
+from taxel.gel.ring_slip import WITH_RINGS
 from taxel.gel.slip_signal import PAIR_FEATURES, GelSlip, PairSlip
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.live.slip_watch import SlipWatch, taken_of
@@ -23,7 +24,7 @@ from taxel.sources.simulated.stepped_pour import SteppedPour
 from taxel.training.slip.cups import paper_runs, seen_pour, true_pours
 from taxel.training.slip.onnx_graph import linear_model
 from taxel.training.slip.pose_noise import settle
-from taxel.training.slip.rim_features import rim_features
+from taxel.training.slip.rim_features import rim_features, ring_features
 from taxel.windows.pairs import FramePairer, FrameSet
 
 CLOCK_S = 10.0
@@ -87,7 +88,7 @@ def test_live_equals_batch_to_the_last_bit(pour):
 def test_what_an_exchanged_image_showed_is_forgotten(pour):
     """Once the earlier image is back, slip is as if that camera had sent none between."""
     cameras, sets, _ = pour
-    spoiled, spared = SlipWatch(cameras, rim=True), SlipWatch(cameras, rim=True)
+    spoiled, spared = (SlipWatch(cameras, columns=len(WITH_RINGS)) for _ in range(2))
     rows = {id(spoiled): [], id(spared): []}
     for number, found in enumerate(sets[:70]):
         left, right = found.frames
@@ -106,33 +107,35 @@ def test_what_an_exchanged_image_showed_is_forgotten(pour):
     assert spoiled.exchanged is None
     assert spoiled.gels[1].distance_mm == pytest.approx(spared.gels[1].distance_mm, abs=1e-3)
     assert spoiled.gels[1].seen
-    share = WITH_RIM.index("rim_share_lost")
+    share = WITH_RINGS.index("rim_share_lost")
     last, expected = (each[-1][share] for each in rows.values())
     assert last == pytest.approx(expected, abs=0.05)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gel", [1, 2])
-def test_with_the_rims_live_equals_what_was_learned_from(gel, tmp_path):
-    """To the last bit, through a bundle that says that its windows have 74 columns."""
+@pytest.mark.parametrize("kind", ["slip-rim", "slip-rings"])
+def test_with_rims_and_rings_live_equals_what_was_learned_from(gel, kind, tmp_path):
+    """To the last bit, through a bundle that says how many columns its windows have."""
     cameras, sets, batch = pour_on(gel)
     gels = tuple(
         replace(rows, taken_s=np.array([CLOCK_S + taken_s for taken_s in rows.taken_s]))
         for rows in batch.gels
     )
-    (learned,) = rim_features([replace(batch, gels=gels)])
-    watch, live = SlipWatch(cameras, rim=True), []
+    columns = {"slip-rim": len(WITH_RIM), "slip-rings": len(WITH_RINGS)}[kind]
+    features = {"slip-rim": rim_features, "slip-rings": ring_features}[kind]
+    (learned,) = features([replace(batch, gels=gels)])
+    watch, live = SlipWatch(cameras, columns=columns), []
     for found in sets:
         live += watch.see(found)
 
     assert all(rows.seen.all() for rows in batch.gels)
     assert np.array_equal(np.stack(live), learned.rows[learned.at])
 
-    column = np.zeros(len(WITH_RIM))
-    column[WITH_RIM.index("rim_slip_ahead")] = 1.0
-    ahead = learned.rows[:, -1]
+    column = np.zeros(columns)
+    column[-1] = 1.0
     path = tmp_path / "rim.taxel"
-    expected = np.clip(ahead, 0.0, 1.0)
+    expected = np.clip(learned.rows[:, -1], 0.0, 1.0)
     warning = ReadyWarning(
         model=linear_model(column), threshold=0.2, check=learned.rows, expected=expected
     )
@@ -141,8 +144,8 @@ def test_with_the_rims_live_equals_what_was_learned_from(gel, tmp_path):
     monitor = GraspMonitor(bundle, cameras)
     answers = [monitor.push(found).probability for found in sets]
 
-    assert bundle.contract.features == "slip-rim"
-    assert bundle.offset.shape == (1, 74)
+    assert bundle.contract.features == kind
+    assert bundle.offset.shape == (1, columns)
     settled = np.isfinite(answers)
     assert settled.sum() > len(sets) - 30
     assert np.array(answers)[settled] == pytest.approx(expected[learned.at][settled], abs=1e-6)

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from taxel.gel.rim_slip import RIM_FEATURES
+from taxel.gel.ring_slip import RING_FEATURES
 from taxel.gel.slip_signal import PAIR_FEATURES
 from taxel.training.slip.cups import GelRows, PourRows, by_rim, paper_runs
 from taxel.training.slip.heads import features_of
 from taxel.training.slip.pose_noise import GelNoise, PoseNoise, add_noise
-from taxel.training.slip.rim_features import rim_features
+from taxel.training.slip.rim_features import rim_features, ring_features
 
 CUP = 31_000
 """Neither a training nor a test cup."""
@@ -30,7 +31,7 @@ def pour(rim_share_after: float, rate_after: float = 0.05) -> PourRows:
     gel = GelRows(
         taken_s=taken_s, object=turned(turn), gel=turned(turn), rim=turned(rim),
         spread=np.zeros((125, 3)), seen=np.ones(125, np.bool_),
-        shown=np.minimum(np.arange(300) * 25 // 60, 124),
+        shown=np.minimum(np.arange(300) * 25 // 60, 124), rings=np.zeros((125, len(RING_FEATURES))),
     )  # fmt: skip
     run = replace(paper_runs(CUP)[0], kind="pour")
     return PourRows(run, time_s, np.zeros(300), np.zeros(300, np.bool_), (gel, gel))
@@ -80,3 +81,15 @@ def test_noise_reaches_the_rim_and_a_still_gel_stays_still_without_it():
     assert found.gels[0].gel == pytest.approx(true.gels[0].gel - start, abs=0.005)
     assert np.std(found.gels[0].rim[:, 0]) == pytest.approx(0.01, rel=0.3)
     assert by_rim([found])[0].gels[0].gel is found.gels[0].rim
+
+
+def test_rings_are_the_mean_over_the_gels_of_the_images_that_they_show():
+    found = pour(0.8)
+    rings = np.arange(125)[:, None] * np.ones(len(RING_FEATURES))
+    gels = (replace(found.gels[0], rings=rings), replace(found.gels[1], rings=3 * rings))
+    (features,) = ring_features([replace(found, gels=gels)])
+    (without,) = rim_features([found])
+    image = found.gels[0].shown[np.searchsorted(features.at, np.arange(len(features.rows)))]
+
+    assert np.array_equal(features.rows[:, : -len(RING_FEATURES)], without.rows)
+    assert np.array_equal(features.rows[:, -1], (2 * image).astype(np.float32))

@@ -43,6 +43,7 @@ from taxel.errors import BadBundle
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.foreign.records import record_of
 from taxel.gel.rim_slip import WITH_RIM
+from taxel.gel.ring_slip import WITH_RINGS
 from taxel.gel.slip_signal import PAIR_FEATURES
 from taxel.models.devices import CPU
 from taxel.plain_text import number_of
@@ -57,7 +58,11 @@ SLIP = "slip"
 """Features of slip over all gels (`taxel.gel.slip_signal`): offset and factor have one row."""
 SLIP_RIM = "slip-rim"
 """The same, then those of the contacts' rims (`taxel.gel.rim_slip`); one row too."""
-SLIP_COLUMNS = {SLIP: len(PAIR_FEATURES), SLIP_RIM: len(WITH_RIM)}
+SLIP_RINGS = "slip-rings"
+"""Those, then those of the gels' rings (`taxel.gel.ring_slip`)."""
+SLIP_COLUMNS = {
+    SLIP: len(PAIR_FEATURES), SLIP_RIM: len(WITH_RIM), SLIP_RINGS: len(WITH_RINGS),
+}  # fmt: skip
 """What watches slip → how many columns its windows have."""
 OWN_FEATURES = (GEL, *SLIP_COLUMNS)
 """What needs no backbone."""
@@ -71,7 +76,7 @@ class GraspContract:
     """What a grasp bundle needs and gives."""
 
     features: str
-    """Name of the backbone, "gel", "slip", or "slip-rim"."""
+    """Name of the backbone, "gel", "slip", "slip-rim" or "slip-rings"."""
     weights: str
     """ImageNet, file:NAME or RANDOM, and where they come from; empty for "gel"."""
     head: str

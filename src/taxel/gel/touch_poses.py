@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from taxel.gel.imprint_pose import ImprintFollower, ImprintPose, Pose
 from taxel.gel.markers import MarkerFlow, MarkerTracker, Rgb
 from taxel.gel.motion import TUKEY
+from taxel.gel.ring_slip import GelRings
 from taxel.gel.scale import ROW_PX
 from taxel.gel.slip_features import median_frame
 
@@ -73,6 +74,7 @@ class TouchFollower:
         self._imprint = ImprintFollower(reference)
         self._tracker = MarkerTracker(reference)
         self._gel, self._rim = np.zeros(3), np.zeros(3)
+        self._rings = GelRings()
         middle, shape = self._imprint.placed(np.zeros(3))
         still = np.ones(len(self.dots), np.bool_)
         self._newest = (
@@ -94,6 +96,11 @@ class TouchFollower:
         dots = self._tracker.track(rgb)
         imprint = self._imprint.follow(rgb, self._fast_step(dots))
         self._newest = dots, imprint
+        if imprint.seen:
+            before = (dots.reference - self._middle) * self._scale
+            now = (dots.moved - self._middle) * self._scale
+            carried = _placed(before, imprint.pose) - before
+            self._rings.push(now - before, carried, self._far(dots, imprint), dots.seen)
         fitted = self._fit(dots, imprint)
         spread = np.full(3, np.inf)
         if fitted is not None:
@@ -146,24 +153,13 @@ class TouchFollower:
             self._rim, _ = self._moved_by(dots, weights)
         return self._rim.copy()
 
-    def carried(
-        self, moved: NDArray[np.float64], seen: NDArray[np.bool_], imprint: Pose
-    ) -> tuple[Pose, Pose]:
-        """Return poses of gel and rim where the dots' and the imprint's motion is known.
+    @property
+    def rings(self) -> NDArray[np.float64]:
+        """Shape (18,), as `taxel.gel.ring_slip.RING_FEATURES`, after the newest image.
 
-        Args:
-            moved: Shape (m, 2): where `dots` are now, px of the image.
-            seen: Shape (m,): False for those that do not show.
-            imprint: Shape (3,): its pose since the reference, as `TouchPose.object`.
+        The last known where the imprint is lost.
         """
-        middle, shape = self._imprint.placed(imprint)
-        known = ImprintPose(imprint, np.zeros(3), True, middle, shape)
-        dots = MarkerFlow(self.dots, moved.astype(np.float32), seen)
-        self._newest = dots, known
-        fitted = self._fit(dots, known)
-        if fitted is not None:
-            self._gel = fitted[0]
-        return self._gel.copy(), self.rim()
+        return self._rings.values
 
     def _fit(self, dots: MarkerFlow, imprint: ImprintPose) -> tuple[Pose, Pose] | None:
         """Return the rigid motion of the dots inside the contact, and its spread."""

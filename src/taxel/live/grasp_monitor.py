@@ -14,7 +14,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.grasp import SLIP_COLUMNS, SLIP_RIM, GraspBundle
+from taxel.bundles.grasp import SLIP_COLUMNS, GraspBundle
 from taxel.decisions.reasons import REASONS
 from taxel.decisions.stability import StabilityConfig, StabilityDecision, StabilityMonitor
 from taxel.errors import BadSource
@@ -102,8 +102,8 @@ class GraspMonitor:
         self._ring = FeatureRing(contract.frames, *self.bundle.offset.shape)
         self._watch: SlipWatch | None = None
         if contract.features in SLIP_COLUMNS:
-            rim = contract.features == SLIP_RIM
-            self._watch = SlipWatch(self._cameras, self._settle, rim)
+            columns = SLIP_COLUMNS[contract.features]
+            self._watch = SlipWatch(self._cameras, self._settle, columns)
         self._eyes = [_Eye(camera) for camera in self._cameras]
         self._fresh: set[int] = set()
         self._over = False

@@ -19,13 +19,13 @@ from taxel.gel.border_light import BorderLight
 from taxel.gel.markers import Rgb
 from taxel.gel.rim_slip import RimSlip
 from taxel.gel.scale import mm_per_row_px
-from taxel.gel.slip_signal import GelSlip, PairSlip, Slip
+from taxel.gel.slip_signal import PAIR_FEATURES, GelSlip, PairSlip, Slip
 from taxel.gel.touch_poses import TouchFollower
 from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet
 from taxel.windows.rest import SETTLE
 
-_Known = tuple[TouchFollower, GelSlip, NDArray[np.float64], RimSlip | None]
+_Known = tuple[TouchFollower, GelSlip, NDArray[np.float64], RimSlip]
 """What is known of a gel, and of the rims of all: follower, slip, its rim's turns, the rims."""
 
 
@@ -35,11 +35,14 @@ class SlipWatch:
     Args:
         cameras: The source's; one that does not state its mm a px is taken for a GelSight Mini.
         settle: Which moments are the settled grasp.
-        rim: True gives the features of the contacts' rims too: 74 columns instead of 66.
+        columns: How many of `taxel.gel.ring_slip.WITH_RINGS` are wanted, from the first on.
     """
 
     def __init__(
-        self, cameras: Sequence[CameraInfo], settle: slice = SETTLE, rim: bool = False
+        self,
+        cameras: Sequence[CameraInfo],
+        settle: slice = SETTLE,
+        columns: int = len(PAIR_FEATURES),
     ) -> None:
         self._to_mm = [
             np.array([mm, mm, 1.0])
@@ -56,7 +59,8 @@ class SlipWatch:
         self._jpegs: list[bytes] = [b""] * len(cameras)
         self._images: list[Rgb | None] = [None] * len(cameras)
         self._pair = PairSlip(len(cameras))
-        self._rim = RimSlip() if rim else None
+        self._columns = columns
+        self._rim = RimSlip()
         self._rim_rad = np.zeros((len(cameras), 2))
         """Turn of each gel's rim, and of the object less the rim, as sizes."""
         self._taken_s: tuple[float, ...] = (math.nan,) * len(cameras)
@@ -161,18 +165,17 @@ class SlipWatch:
                 pose.object * to_mm, pose.gel * to_mm, pose.spread * to_mm, taken_s[camera],
                 pose.seen,
             )  # fmt: skip
-            if self._rim is not None:
-                rim_rad = float(self._followers[camera].rim()[2])
-                if not self._missed[camera]:
-                    self._rim_rad[camera] = abs(rim_rad), abs(float(pose.object[2]) - rim_rad)
+            rim_rad = float(self._followers[camera].rim()[2])
+            if not self._missed[camera]:
+                self._rim_rad[camera] = abs(rim_rad), abs(float(pose.object[2]) - rim_rad)
         self._shown, self._taken_s = images, tuple(taken_s)
         pair = self._pair.features()
-        if self._rim is None:
-            return pair
         if fresh:
             rim, slip = self._rim_rad.mean(axis=0).astype(np.float32)
             self._rim.push(pair, float(rim), float(slip), time_s)
-        return np.concatenate([pair, self._rim.features])
+        rings = np.mean([follower.rings for follower in self._followers], axis=0)
+        every = np.concatenate([pair, self._rim.features, rings.astype(np.float32)])
+        return every[: self._columns]
 
     def _is_exchanged(self, camera: int, image: Rgb, taken_s: float) -> bool:
         """Return whether a camera's images are not those of this grasp; nothing is followed then.

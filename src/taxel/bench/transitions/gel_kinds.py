@@ -24,7 +24,7 @@ from taxel.plain_text import number_of
 from taxel.sim.pour.cup_pour import Gel
 from taxel.sim.pour.cups import OTHER_KINDS, PourRun
 from taxel.training.slip.cups import PourRows, keep_runs, mild_bumps, other_part
-from taxel.training.slip.rim_features import rim_features
+from taxel.training.slip.rim_features import ring_features
 
 WARNINGS: Final = (CUP_POUR, BOTH_GELS)
 """Bundles that are judged."""
@@ -52,7 +52,7 @@ def judge_kinds(warners: Sequence[Warner], pours: Sequence[PourRows], where: str
         pours: Of test cups.
         where: What the images show, in words.
     """
-    found = rim_features(pours)
+    found = ring_features(pours)
     rows = []
     for warner in warners:
         tracks = [track_of(pour, warner.drive(pour)) for pour in found]

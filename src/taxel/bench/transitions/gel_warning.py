@@ -20,10 +20,7 @@ from typing import Final
 from taxel.bench.rows import Row, missing, row
 from taxel.bench.transitions.slip_warning import RULE, Warner, kept, poses_folder, shipped_warner
 from taxel.bundles.shipped import BOTH_GELS, CUP_POUR
-from taxel.evaluation.early_warning.learn_layer_warning import (
-    GOAL,
-    layer_features,
-)
+from taxel.evaluation.early_warning.learn_layer_warning import layer_features
 from taxel.evaluation.early_warning.learn_slip_warning import (
     fit_head,
     head_drive,
@@ -42,7 +39,7 @@ from taxel.sim.pour.cup_pour import Gel
 from taxel.sim.pour.cups import PourRun
 from taxel.training.slip.cups import TEST_CUPS, PourRows, keep_runs, paper_part, seen_pours
 from taxel.training.slip.heads import PourFeatures
-from taxel.training.slip.rim_features import rim_features
+from taxel.training.slip.rim_features import ring_features
 
 PARTS: Final = 1
 """Of the four parts of each cup's pours, those that are rendered. Source: our choice: time."""
@@ -112,7 +109,7 @@ def learnt_warners(second: Sequence[PourFeatures]) -> list[Warner]:
     """Return the forecast learned on version 2, and the rule with a threshold from there.
 
     Args:
-        second: Training pours of version 2, with noise.
+        second: Training pours of version 2.
     """
     promise = keep_promise(promised(rule_tracks(second)), PER_MIN)
     name = "the rule without learning, threshold of gel 2"
@@ -121,14 +118,14 @@ def learnt_warners(second: Sequence[PourFeatures]) -> list[Warner]:
 
 
 def _learned(pours: Sequence[PourFeatures]) -> Warner:
-    tracks = promised(out_of_fold(pours, "forecast", GOAL))
+    tracks = promised(out_of_fold(pours, "forecast"))
     promise = keep_promise(tracks, PER_MIN)
     scores = score_warnings(tracks, promise.threshold)[0].events
     note = (
         f"{kept(promise)}, where it warns {scores.lead_median_s:.2f} s before and misses "
         f"{scores.missed_share:.3f} of {scores.events}"
     )
-    drive = partial(head_drive, fit_head(pours, "forecast", GOAL))
+    drive = partial(head_drive, fit_head(pours, "forecast"))
     return Warner("learned on gel 2", drive, promise.threshold, note)
 
 
@@ -143,7 +140,7 @@ def judge_rows(warners: Sequence[Warner], test: Mapping[Gel, Sequence[PourRows]]
         return [missing("slip warning on gel 2", "s", "", "nothing rendered yet")]
     rows: list[Row] = []
     for gel, pours in test.items():
-        found = rim_features(pours)
+        found = ring_features(pours)
         for warner in warners:
             tracks = [track_of(pour, warner.drive(pour)) for pour in found]
             rows += _rows(f"slip warning, {warner.name}, on gel {gel}", promised(tracks), warner,

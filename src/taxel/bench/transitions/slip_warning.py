@@ -51,7 +51,7 @@ from taxel.training.slip.cups import (
 )
 from taxel.training.slip.heads import HeadName, PourFeatures
 from taxel.training.slip.pose_noise import settle
-from taxel.training.slip.rim_features import rim_features
+from taxel.training.slip.rim_features import ring_features
 
 PAPER_PARTS, OTHER_PARTS = 4, 2
 RULE = "slip-rule"
@@ -108,7 +108,7 @@ def rendered(folder: Path) -> list[PourFeatures]:
     found = []
     for name, runs in test_parts():
         if (folder / name).exists():
-            found += rim_features(keep_runs(folder / name, runs))
+            found += ring_features(keep_runs(folder / name, runs))
     return found
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
         WarningScores,
         WarningTrack,
     )
-    from taxel.training.slip.heads import Goal, PourFeatures
+    from taxel.training.slip.heads import PourFeatures
 
 _MOST_PER_MIN = 60.0
 _FEWEST_CUPS = 8
@@ -39,19 +39,20 @@ class TrainSlip:
     output: Path
     """The bundle to write, NAME.taxel; an older one there is replaced."""
     head: Literal["forecast", "boosting", "logistic", "rule"] = "forecast"
-    """What is learned. forecast: how far the object will slip within 0.5 s and 1 s (with --gel 2,
-    0.75 s). boosting and logistic: whether it slips within 1 s. rule: only the threshold for slip
-    and its rate."""
+    """What is learned. forecast: how far the object will slip within 0.5 s and 1 s. boosting and
+    logistic: whether it slips within 1 s. rule: only the threshold for slip and its rate."""
     gel: Literal["1", "2", "both"] = "1"
     """How the simulated gels shear: 1, as rigid pieces; 2, as elastic layers; both: some of each,
     and the rate of false alarms is kept on either."""
     cups: int | None = None
     """Simulated cups to learn from, 8 to 480; unless given 480, which takes 25 minutes of one core
-    from an empty folder; with --gel 2 120, eight minutes; with --gel both 240, fifty minutes.
-    Fewer cups make a worse warning."""
+    from an empty folder; with --gel 2 128, whose images take 15 minutes of one core; with --gel
+    both 240, 80 minutes. Fewer cups make a worse warning."""
     false_alarms: float = 0.3
     """Largest accepted number of false alarms per minute of grasps that hold (median over held-out
     cups)."""
+    false_alarms_shear: float | None = None
+    """The same for gels that shear; unless given, as --false-alarms."""
     seed: int = 0
     """Seed of learning."""
     json: bool = False
@@ -59,6 +60,7 @@ class TrainSlip:
 
     RULES: ClassVar = (
         Only(("seed",), "--head forecast, boosting or logistic", lambda o: o.head != "rule"),
+        Only(("false_alarms_shear",), "--gel both", lambda o: o.gel == "both"),
     )
 
     def run(self) -> None:
@@ -72,10 +74,11 @@ class TrainSlip:
             def on_step(line: str) -> None:
                 bar.update(task, description=line, advance=1)
 
-            pours, goal, learned_on = self._pours(on_step)
+            pours, learned_on = self._pours(on_step)
             warning, promise, tracks = learn.make_warning(
-                pours, self.head, self.false_alarms, goal, seed=self.seed, on_step=on_step
-            )
+                pours, self.head, self.false_alarms, self.false_alarms_shear, seed=self.seed,
+                on_step=on_step,
+            )  # fmt: skip
         scores = _by_gel(learn.promised(tracks), promise.threshold)
         measured: dict[str, float] = {}
         for version, own in scores.items():
@@ -101,19 +104,19 @@ class TrainSlip:
             return
         _print(self, promise, scores, parity)
 
-    def _pours(self, on_step: Callable[[str], None]) -> tuple[list[PourFeatures], Goal | None, str]:
-        """Return training pours, what rows are labelled by, and what the bundle says of them."""
+    def _pours(self, on_step: Callable[[str], None]) -> tuple[list[PourFeatures], str]:
+        """Return training pours, and what the bundle says of them."""
         from taxel.evaluation.early_warning import learn_layer_warning as layers
         from taxel.evaluation.early_warning import learn_slip_warning as learn
 
         if self.gel == "1":
             cups = self.cups or learn.LEARNED_CUPS
-            return learn.training_features(self.poses, cups, on_step), None, learn.LEARNED_ON
+            return learn.training_features(self.poses, cups, on_step), learn.LEARNED_ON
         if self.gel == "both":
             cups = self.cups or layers.BOTH_CUPS
-            return layers.both_features(self.poses, cups, on_step), None, layers.LEARNED_ON_BOTH
+            return layers.both_features(self.poses, cups, on_step), layers.LEARNED_ON_BOTH
         pours = layers.layer_features(self.poses, self.cups or layers.LAYER_CUPS, on_step)
-        return pours, layers.GOAL if self.head == "forecast" else None, layers.LEARNED_ON
+        return pours, layers.LEARNED_ON
 
     def _check(self) -> None:
         """Refuse, before anything is simulated, what cannot be meant."""
@@ -124,9 +127,13 @@ class TrainSlip:
                 "--output NAME.taxel: a monitor is written as the bundle that runs live",
                 str(self.output), "name a file such as slip.taxel",
             )  # fmt: skip
-        if not (math.isfinite(self.false_alarms) and 0 < self.false_alarms <= _MOST_PER_MIN):
-            raise BadInput("--false-alarms above 0 and at most 60 a minute",
-                           f"{self.false_alarms:g}", "such as 0.3")  # fmt: skip
+        asked = {"--false-alarms": self.false_alarms}
+        if self.false_alarms_shear is not None:
+            asked["--false-alarms-shear"] = self.false_alarms_shear
+        for option, value in asked.items():
+            if not (math.isfinite(value) and 0 < value <= _MOST_PER_MIN):
+                raise BadInput(f"{option} above 0 and at most 60 a minute", f"{value:g}",
+                               "such as 0.3")  # fmt: skip
         if self.cups is not None and not _FEWEST_CUPS <= self.cups <= len(TRAINING_CUPS):
             raise BadInput(f"--cups from {_FEWEST_CUPS} to {len(TRAINING_CUPS)}",
                            str(self.cups), "leave it out to take the usual number")  # fmt: skip

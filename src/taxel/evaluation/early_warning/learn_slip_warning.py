@@ -39,7 +39,6 @@ from taxel.training.slip.cups import (
 )
 from taxel.training.slip.heads import (
     USUAL_GOALS,
-    Goal,
     HeadName,
     PourFeatures,
     SlipHead,
@@ -185,7 +184,9 @@ def promised(tracks: Sequence[WarningTrack]) -> list[WarningTrack]:
     return [track for track in tracks if track.groups["kind"] in PROMISED_KINDS]
 
 
-def keep_promises(tracks: Sequence[WarningTrack], per_min: float) -> Promise:
+def keep_promises(
+    tracks: Sequence[WarningTrack], per_min: float, layers_per_min: float | None = None
+) -> Promise:
     """Return the promise over `PROMISED_KINDS`; of two gels' promises that of the higher threshold.
 
     Nobody knows how a real gel shears, so false alarms stay within the promise on either version.
@@ -193,13 +194,15 @@ def keep_promises(tracks: Sequence[WarningTrack], per_min: float) -> Promise:
     Args:
         tracks: Training pours, each driven by a head that had not seen its cup.
         per_min: False alarms a minute that are promised.
+        layers_per_min: The same on gels that shear; `per_min` unless given.
 
     Raises:
         BadInput: No pour holds, or the promise is below 0.
     """
     judged = promised(tracks)
+    asked = {"1": per_min, "2": per_min if layers_per_min is None else layers_per_min}
     found = [
-        keep_promise([track for track in judged if track.groups["gel"] == gel], per_min)
+        keep_promise([track for track in judged if track.groups["gel"] == gel], asked[gel])
         for gel in sorted({track.groups["gel"] for track in judged})
     ]
     if not found:
@@ -210,7 +213,6 @@ def keep_promises(tracks: Sequence[WarningTrack], per_min: float) -> Promise:
 def out_of_fold(
     pours: Sequence[PourFeatures],
     head: HeadName,
-    goal: Goal | None = None,
     *,
     seed: int = 0,
     on_step: Callable[[str], None] = lambda _: None,
@@ -218,23 +220,34 @@ def out_of_fold(
     """Return training pours, each driven by a head that had not seen its cup."""
     cups = np.array([found.cup for found in pours])
     drives: dict[int, Drive] = {}
-    for part in np.array_split(np.unique(cups), FOLDS):
-        on_step(f"{head}, without cups {part[0]} to {part[-1]}")
+    for part in cup_folds(pours):
+        on_step(f"{head}, without {len(part)} cups from {part[0]} on")
         held = np.isin(cups, part)
         fitted = fit_head(
-            [found for found, out in zip(pours, held, strict=True) if not out], head, goal, seed
+            [found for found, out in zip(pours, held, strict=True) if not out], head, seed
         )
         for index in np.flatnonzero(held):
             drives[int(index)] = head_drive(fitted, pours[index])
     return [track_of(found, drives[index]) for index, found in enumerate(pours)]
 
 
-def fit_head(
-    pours: Sequence[PourFeatures], head: HeadName, goal: Goal | None = None, seed: int = 0
-) -> SlipHead:
+def cup_folds(pours: Sequence[PourFeatures]) -> list[NDArray[np.int64]]:
+    """Return `FOLDS` groups of cups; those in other kinds of grasps are dealt out evenly.
+
+    Where only some cups have such grasps, a head would else have to judge pushes without having
+    learned from any.
+    """
+    every = np.unique([found.cup for found in pours])
+    kinds = [found.cup for found in pours if found.pour.run.kind not in PROMISED_KINDS]
+    other = np.isin(every, kinds)
+    groups = [np.array_split(every[own], FOLDS) for own in (other, ~other)]
+    return [np.concatenate(parts) for parts in zip(*groups, strict=True)]
+
+
+def fit_head(pours: Sequence[PourFeatures], head: HeadName, seed: int = 0) -> SlipHead:
     """Return a head that has learned from all of these pours."""
     fitted = new_head(head, seed)
-    fitted.fit(*learning_rows(pours, goal or USUAL_GOALS[head]))
+    fitted.fit(*learning_rows(pours, USUAL_GOALS[head]))
     return fitted
 
 
@@ -242,7 +255,7 @@ def learn_warning(
     pours: Sequence[PourFeatures],
     head: HeadName,
     per_min: float,
-    goal: Goal | None = None,
+    layers_per_min: float | None = None,
     *,
     seed: int = 0,
     on_step: Callable[[str], None] = lambda _: None,
@@ -253,23 +266,21 @@ def learn_warning(
         pours: Of training cups.
         head: Which kind.
         per_min: False alarms a minute that are promised.
-        goal: What a row is labelled by; the head's usual goal unless given.
+        layers_per_min: The same on gels that shear; `per_min` unless given.
         seed: Of learning.
         on_step: Called with a line before each training.
     """
-    tracks = out_of_fold(pours, head, goal, seed=seed, on_step=on_step)
-    promise = keep_promises(tracks, per_min)
+    tracks = out_of_fold(pours, head, seed=seed, on_step=on_step)
+    promise = keep_promises(tracks, per_min, layers_per_min)
     on_step(f"{head}, all training cups")
-    return LearntWarning(
-        head=fit_head(pours, head, goal, seed), promise=promise, tracks=tuple(tracks)
-    )
+    return LearntWarning(head=fit_head(pours, head, seed), promise=promise, tracks=tuple(tracks))
 
 
 def make_warning(
     pours: Sequence[PourFeatures],
     head: HeadName | Literal["rule"],
     per_min: float,
-    goal: Goal | None = None,
+    layers_per_min: float | None = None,
     *,
     seed: int = 0,
     on_step: Callable[[str], None] = lambda _: None,
@@ -280,7 +291,7 @@ def make_warning(
         pours: Of training cups.
         head: Which kind.
         per_min: False alarms a minute that are promised.
-        goal: What a row is labelled by; the head's usual goal unless given.
+        layers_per_min: The same on gels that shear; `per_min` unless given.
         seed: Of learning.
         on_step: Called with a line before each training.
 
@@ -291,14 +302,14 @@ def make_warning(
     if head == "rule":
         check = check[:, : len(PAIR_FEATURES)]
         tracks = rule_tracks(pours)
-        promise = keep_promises(tracks, per_min)
+        promise = keep_promises(tracks, per_min, layers_per_min)
         limit_mm = promise.threshold
         expected = rule_probability(check, limit_mm)
         ready = ReadyWarning(
             model=rule_model(limit_mm), threshold=0.5, check=check, expected=expected
         )
         return ready, promise, tracks
-    learnt = learn_warning(pours, head, per_min, goal, seed=seed, on_step=on_step)
+    learnt = learn_warning(pours, head, per_min, layers_per_min, seed=seed, on_step=on_step)
     ready = ReadyWarning(
         model=learnt.head.to_onnx(), threshold=learnt.promise.threshold,
         check=check, expected=learnt.head.probability(check),

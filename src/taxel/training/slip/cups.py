@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.frame_codec import decode_jpeg, encode_jpeg
+from taxel.gel.ring_slip import RING_FEATURES
 from taxel.gel.touch_poses import TouchFollower
 from taxel.recordings.whole import write_whole
 from taxel.sim.gelsight.mini import CameraTimes, camera_times
@@ -81,6 +82,8 @@ class GelRows:
     """Shape (moments,): which image each moment of the video shows."""
     rim: NDArray[np.float64]
     """Shape (images, 3): as `gel`, around the contact's rim; of a rigid gel the same motion."""
+    rings: NDArray[np.float64]
+    """Shape (images, 18), as `taxel.gel.ring_slip.RING_FEATURES`; 0 where no image is rendered."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +195,7 @@ def noise_runs(cup: int) -> list[PourRun]:
 def true_pours(runs: Sequence[PourRun]) -> list[PourRows]:
     """Return pours' exact poses at the moments when their cameras took images.
 
-    The gels are rigid pieces; for gels that shear see `taxel.training.slip.layer_poses`.
+    The gels are rigid pieces; gels that shear are followed in images (`seen_pours`).
     """
     tracks = simulate_pours(runs, FRAME_HZ * FINE, DURATION_S)
     return [_true_rows(run, track) for run, track in zip(runs, tracks, strict=True)]
@@ -255,6 +258,7 @@ def true_rows(motion: GelMotion, times: CameraTimes) -> GelRows:
         seen=np.ones(count, np.bool_),
         shown=times.shown,
         rim=gel.copy(),
+        rings=np.zeros((count, len(RING_FEATURES))),
     )
 
 
@@ -265,10 +269,11 @@ def _seen_rows(video: SimulatedVideo, last: int) -> GelRows:
     ]
     settled = sorted(set(shown[SETTLE].tolist()))
     follower = TouchFollower([images[i] for i in settled])
-    poses, rims = [], []
+    poses, rims, rings = [], [], []
     for image in images:
         poses.append(follower.follow(image))
         rims.append(follower.rim())
+        rings.append(follower.rings)
     to_mm = np.array([video.info.mm_per_px, video.info.mm_per_px, 1.0])
     return GelRows(
         taken_s=video.times.taken_s[: len(images)],
@@ -278,6 +283,7 @@ def _seen_rows(video: SimulatedVideo, last: int) -> GelRows:
         seen=np.array([pose.seen for pose in poses]),
         shown=shown[: last + 1],
         rim=np.stack(rims) * to_mm,
+        rings=np.stack(rings),
     )
 
 
@@ -367,10 +373,10 @@ def read_runs(path: Path, runs: Sequence[PourRun]) -> list[PourRows]:
     return [_from_arrays(run, arrays, number) for number, run in enumerate(runs)]
 
 
-_VERSION: Final = 2
-"""Of how object, gel and rim are followed: 2 follows pushes."""
+_VERSION: Final = 3
+"""Of how object, gel and rim are followed: 2 follows pushes, 3 has rings."""
 _STAMP: Final = "version"
-_GEL_KEYS = ("taken_s", "object", "gel", "spread", "seen", "shown", "rim")
+_GEL_KEYS = ("taken_s", "object", "gel", "spread", "seen", "shown", "rim", "rings")
 
 
 def _as_arrays(pour: PourRows) -> dict[str, NDArray[Any]]:
