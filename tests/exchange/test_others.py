@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadDataset
-from taxel.exchange.ros2_bag import ros_topic, write_bags
+from taxel.exchange.ros2_bag import ros_topic, ros_topics, write_bags
 from taxel.frame_codec import encode_jpeg
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import iterate_frames, read_manifest, read_recording
@@ -37,6 +37,29 @@ def test_topics_of_a_bag_are_names_that_ros_accepts(recorded, written):
 
 def test_two_names_that_become_one_topic_stay_apart():
     assert ros_topic("/camera/left-2", ["/camera/left_2"]) == "/camera/left_2_2"
+
+
+def test_which_of_two_topics_is_renamed_depends_on_their_names_alone():
+    """It was the camera whose image came second: two bags of one rig differed."""
+    topics = ["/camera/a b", "/camera/a-b", "/camera/a_b", "/camera/a_b_2"]
+    names = {"/camera/a_b": "/camera/a_b", "/camera/a_b_2": "/camera/a_b_2",
+             "/camera/a b": "/camera/a_b_3", "/camera/a-b": "/camera/a_b_4"}  # fmt: skip
+    assert ros_topics(topics) == ros_topics(reversed(topics)) == names
+
+
+def test_a_bag_names_cameras_alike_whichever_sees_first(tmp_path):
+    cameras = tuple(CameraInfo(name=n, width=8, height=8, rate_hz=25.0) for n in ("l_2", "l-2"))
+    jpeg = encode_jpeg(np.zeros((8, 8, 3), np.uint8))
+    for first in (0, 1):
+        path = tmp_path / f"{first}.mcap"
+        with Recorder(path, Manifest.started_now(NO_ARRAY, now_s=0.0, cameras=cameras)) as recorder:
+            for number, camera in enumerate((first, 1 - first, 1)):
+                recorder.frame(
+                    Frame(camera=camera, counter=number, device_s=0.0, arrival_s=0.1 * number,
+                          fitted_s=0.1 * number, jpeg=jpeg)
+                )  # fmt: skip
+    counts = write_bags([tmp_path / "0.mcap", tmp_path / "1.mcap"], tmp_path / "bags")
+    assert counts["0"] == counts["1"] == {"/camera/l_2": 1, "/camera/l_2_2": 2}
 
 
 def test_rosbags_reads_a_bag_folder_with_every_message(make, tmp_path):

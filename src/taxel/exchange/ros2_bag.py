@@ -15,7 +15,7 @@ import math
 import re
 import struct
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -145,11 +145,9 @@ def _write_bag(path: Path, folder: Path) -> dict[str, int]:
         writer.start(profile="ros2", library="taxel")
         schemas: dict[str, int] = {}
         channels: dict[str, int] = {}
-        names: dict[str, str] = {}
+        names = ros_topics(_topics(read_manifest(path)))
         for recorded, kind, log_ns, publish_ns, body in _messages(path):
-            topic = names.get(recorded) or names.setdefault(
-                recorded, ros_topic(recorded, names.values())
-            )
+            topic = names[recorded]
             if topic not in channels:
                 if kind not in schemas:
                     schemas[kind] = writer.register_schema(kind, "ros2msg", _SCHEMAS[kind])
@@ -167,6 +165,17 @@ def _write_bag(path: Path, folder: Path) -> dict[str, int]:
     text = _metadata(name, types, counts, first_ns or 0, last_ns)
     (folder / "metadata.yaml").write_text(text, encoding="utf-8")
     return dict(counts)
+
+
+def ros_topics(topics: Iterable[str]) -> dict[str, str]:
+    """Return topics, each with another name that ROS 2 accepts, whatever their order.
+
+    Those that need no change keep their names.
+    """
+    names: dict[str, str] = {}
+    for topic in sorted(topics, key=lambda own: (ros_topic(own) != own, own)):
+        names[topic] = ros_topic(topic, names.values())
+    return names
 
 
 def ros_topic(topic: str, taken: Collection[str] = ()) -> str:
@@ -218,6 +227,12 @@ def _metadata(
         "files": [{"path": name, "starting_time": start, "duration": span, "message_count": total}],
     }  # fmt: skip
     return json.dumps({"rosbag2_bagfile_information": about}, indent=1, ensure_ascii=False) + "\n"
+
+
+def _topics(manifest: Manifest) -> set[str]:
+    """Return the topics of all messages that a recording may hold."""
+    cameras = {frame_layout.frame_topic(camera.name) for camera in manifest.cameras}
+    return {scan_topic(manifest.sensor.name), MARK_TOPIC, SLIP_TOPIC, *cameras}
 
 
 def _messages(path: Path) -> Iterator[Message]:
