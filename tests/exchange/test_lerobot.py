@@ -360,3 +360,11 @@ def test_lerobots_own_reader_loads_it(recordings, tmp_path):
     assert batches[0][layout.TACTILE].shape == (16, 44, 3)
     assert batches[0][layout.STATE].shape == (16, 2, 3)
     assert batches[0]["observation.images.left"].shape == (16, 3, 24, 32)
+
+
+def test_scans_a_frame_are_refused_where_there_is_no_array(make, tmp_path):
+    """--rows was taken without a word, and changed nothing."""
+    path = make(tmp_path / "a.mcap", array=False)
+    with pytest.raises(BadInput, match=r"an array beside --rows.* of cameras alone; leave it out"):
+        write_lerobot([path], tmp_path / "set", rows=4)
+    assert not (tmp_path / "set").exists()
