@@ -26,6 +26,7 @@ from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.decisions.still_channels import StillChannel
 from taxel.decisions.value_scale import OtherScale
 from taxel.errors import BadBundle
+from taxel.live.frame_loop import ends_grasp
 from taxel.live.outages import Outage, OutageWatch
 from taxel.live.rate_watch import RateChange
 from taxel.live.recogniser import Answer, Recogniser
@@ -384,8 +385,7 @@ def _orders(orders: RingReader, drill: bool, watchers: list[_Watcher]) -> list[P
 
 
 def _ends_grasp(packet: Packet) -> bool:
-    """True for a mark that holds a grasp's outcome; a hand's marks in the same file do not."""
-    return isinstance(packet, Mark) and "outcome" in packet.labels
+    return isinstance(packet, Mark) and ends_grasp(packet)
 
 
 def _number(value: float) -> float | None:
