@@ -9,7 +9,7 @@ import json
 import struct
 from collections.abc import Iterable
 from dataclasses import asdict
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,16 @@ def notes_of(contents: Iterable[bytes]) -> list[dict[str, Any]]:
         ValueError: The bytes of one are no packet.
     """
     return [note for note in map(unpack, contents) if isinstance(note, dict)]
+
+
+def ends_grasp(packet: Packet) -> TypeGuard[Mark]:
+    """True for a mark that holds a grasp's outcome; a hand's marks in the same file do not."""
+    return isinstance(packet, Mark) and "outcome" in packet.labels
+
+
+def asks(packet: Packet, what: str) -> TypeGuard[dict[str, Any]]:
+    """True for a note that orders this to be done."""
+    return isinstance(packet, dict) and packet.get("do") == what
 
 
 def _unpack(content: bytes) -> Packet:
