@@ -11,6 +11,7 @@ from taxel.actions.guided_trials import RecordedTrial, record_trial
 from taxel.errors import BadSource
 from taxel.frame_codec import encode_jpeg
 from taxel.recordings.manifest import NO_ARRAY
+from taxel.recordings.reader import read_recording
 from taxel.recordings.trial_plan import PlannedTrial
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 
@@ -124,3 +125,19 @@ def test_with_both_cameras_there_a_trial_is_recorded(empty: int, tmp_path: Path)
 
     assert found is not None
     assert found.frames == 80
+
+
+def test_a_mark_of_the_trial_before_is_none_of_this_one(tmp_path: Path):
+    """A source that stays open gives the last trial's mark once the next is being recorded."""
+
+    class Marking(Pair):
+        given = False
+
+        def marks(self) -> list[Mark]:
+            given, self.given = self.given, True
+            spans = () if given else ((-5.0, -0.5), (0.0, 1.9), (2.5, 4.0))
+            return [Mark(start_s=start, end_s=end, labels={}) for start, end in spans]
+
+    assert recorded(Marking(), tmp_path) is not None
+    marks = read_recording(tmp_path / CUP.file_name).marks
+    assert [(mark.start_s, mark.end_s) for mark in marks] == [(0.0, 1.9)]

@@ -106,6 +106,8 @@ def test_real_devices_open_by_address_and_are_well() -> None:
         ("sim://foot", "sim://gripper or sim://arm or sim://hand"),
         ("sim://arm?lower_mm=500", "lower_mm of 0 to lowest_mm"),
         ("jaka://10.0.0.1?speed_mm_s=1000", "a speed of up to 250 mm/s"),
+        ("jaka://10.0.0.1?speed_mm_s=20", "lower_mm, the way down, beside speed_mm_s"),
+        ("sim://arm?lower_mm=0&lowest_mm=100", "lower_mm, the way down, beside lowest_mm"),
         ("udp://127.0.0.1", "udp://HOST:PORT"),
         ("udp://10.0.0.1:5005", "allow other hosts"),
         ("hand:///dev/ttyACM0?board=999", "a board of 0 to 255"),
@@ -253,3 +255,31 @@ def test_an_expired_order_moves_no_arm() -> None:
     clock.advance(2.0)
 
     assert arm.snapshot()["height_mm"] == 400.0
+
+
+def test_an_arm_lowers_again_where_the_next_grasp_is_unstable_from_its_beginning() -> None:
+    """It had lowered the object before, and was never stable since: the next one hung in the air.
+
+    The last words about the grasp before, which may still come, lower nothing.
+    """
+    clock = ManualClock(10.0)
+    arm = ArmActuator("arm", SimArm(ArmLimits(), clock), lower_mm=20.0)
+    arm.connect()
+
+    def tick(state: Stability, kind: OrderKind) -> None:
+        for _ in range(200):
+            clock.advance(0.01)
+            order = Order(kind, 40.0, "", clock.now_s() + 0.1)
+            arm.apply(decided(state), order, clock.now_s())
+
+    tick(Stability.UNSTABLE, OrderKind.GRIP)
+    assert arm.snapshot()["height_mm"] == pytest.approx(380.0)
+    arm.new_grasp()
+    tick(Stability.UNSTABLE, OrderKind.GRIP)
+    assert arm.snapshot()["height_mm"] == pytest.approx(380.0)
+    tick(Stability.UNKNOWN, OrderKind.HOLD)
+    tick(Stability.UNSTABLE, OrderKind.GRIP)
+    assert arm.snapshot()["height_mm"] == pytest.approx(360.0)
+    tick(Stability.UNKNOWN, OrderKind.HOLD)  # an image that could not be read, in the same grasp
+    tick(Stability.UNSTABLE, OrderKind.GRIP)
+    assert arm.snapshot()["height_mm"] == pytest.approx(360.0)

@@ -6,6 +6,7 @@ import json
 import math
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,6 +17,7 @@ from taxel.cli.devices.calibrate_cycles import _unit
 from taxel.cli.main import main
 from taxel.cli.training import train_trials, tune
 from taxel.errors import BadSource
+from taxel.models.catalogue import MODELS, Network
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import SensorInfo
@@ -112,3 +114,33 @@ def test_the_median_slip_of_an_even_number_of_pours_lies_between_the_middle_two(
     monkeypatch.setattr("taxel.sources.simulated.pour_folder.write_pours", lambda *_, **__: rows)
     main(["simulate", "cup-pour", "--output", str(tmp_path / "cups"), "--forces-n", "15"])
     assert "20 µm" in capsys.readouterr().out
+
+
+def test_the_largest_models_are_counted_without_memory_for_them(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """12.8 billion numbers took 50 GB only to be counted."""
+    import torch
+
+    built: list[str] = []
+    network = MODELS["cnn1d"]
+    assert isinstance(network, Network)
+
+    def build(*sizes: int) -> torch.nn.Module:
+        assert torch.get_default_device().type == "meta"
+        built.append("cnn1d")
+        return network.build(*sizes)
+
+    monkeypatch.setitem(MODELS, "cnn1d", replace(network, build=build))
+    sizes = [word for name in ("steps", "channels", "classes") for word in (f"--{name}", "10000")]
+    main(["models", *sizes, "--json"])
+    (row,) = (row for row in json.loads(capsys.readouterr().out) if row["name"] == "cnn1d")
+    assert built == ["cnn1d"]
+    assert row["parameters"] > 12e9
+
+
+def test_epochs_are_either_given_or_searched(refused: Refused) -> None:
+    """The search overruled the number that was given, without a word."""
+    words = ["tune", "data", "--settings", "learning-rate", "epochs", "--epochs", "4"]
+    line = refused(words)
+    assert "--epochs or epochs in --settings; got both" in line

@@ -340,3 +340,18 @@ def test_a_table_of_arrays_is_still_sent_to_import(tmp_path: Path):
     table.write_text("file,label:kind,time\na.csv,x,rate:100Hz\n")
     with pytest.raises(BadRecording, match="import tables with: taxel import"):
         Info(table).run()
+
+
+def test_recordings_of_a_folder_are_listed_by_their_numbers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """trial-1000, which a long plan records, stood before trial-101."""
+    info = SensorInfo(name="pad", channels=("c",), units=("N",), rate_hz=100.0)
+    for number in (1000, 101, 99):
+        with Recorder(tmp_path / f"trial-{number:03d}.mcap", Manifest(sensor=info)) as recorder:
+            recorder.write(Samples.from_values(np.ones((3, 1)), np.arange(3) / 100.0))
+    main(["info", str(tmp_path)])
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines if "trial-" in line.split(".")[0]] == [
+        "trial-099.mcap", "trial-101.mcap", "trial-1000.mcap",
+    ]  # fmt: skip

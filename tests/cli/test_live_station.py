@@ -65,7 +65,8 @@ def test_a_pour_is_watched_recorded_and_sent_to_another_program(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["live", CUP_POUR, "sim://cup-pour", "--record", "x.avi"], "ends in .mcap; got x.avi"),
+        (["live", CUP_POUR, "sim://cup-pour", "--record", "x.avi"],
+         "needed a recording's name that ends in .mcap; got x.avi"),
         (["record", "sim://teng", "--output", "x.avi", "--seconds", "1"],
          "ends in .mcap; got x.avi"),
         (["live", CUP_POUR, "sim://cup-pour", "--record", "cut.mcap"], "unfinished cut.mcap.part"),

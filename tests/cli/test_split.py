@@ -64,6 +64,33 @@ def split(capsys: pytest.CaptureFixture[str]) -> Split:
     return run
 
 
+def test_why_files_are_held_out_where_sessions_are_named_is_said_before_and_in_training(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each object was pressed on a day of its own: a new day of it cannot be tested."""
+    lines = ["file,label:object,group:session,channels,time"]
+    for number in range(12):
+        name = ("cup", "jar")[number % 2]
+        np.savetxt(tmp_path / f"{number}.csv", np.random.default_rng(number).normal(size=(30, 2)))
+        lines.append(f"{number}.csv,{name},{name}-day,1[N] 2[N],rate:100Hz")
+    (tmp_path / "table.csv").write_text("\n".join(lines) + "\n")
+    folder = tmp_path / "set"
+    main(["import", str(tmp_path / "table.csv"), "--output", str(folder)])
+    reason = "sessions cannot be held out: needed at least two groups 'session'"
+    capsys.readouterr()
+
+    main(["split", str(folder)])
+    before = capsys.readouterr().out
+    main(["split", str(folder), "--json"])
+    (note,) = json.loads(capsys.readouterr().out)["notes"]
+    _, split = read_and_part(Task(data=folder, target="object"))
+
+    assert "split: file held out" in before
+    assert f"note: {reason}" in before
+    assert note.startswith(reason)
+    assert split.notes == (note,)
+
+
 def test_a_cross_validation_tests_what_the_split_held_out(
     days: Path, tmp_path: Path, split: Split
 ) -> None:

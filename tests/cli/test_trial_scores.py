@@ -48,5 +48,8 @@ def test_a_trial_of_a_class_that_was_never_learned_is_in_no_accuracy() -> None:
     ],
 )
 def test_where_nothing_is_scored_it_is_said_why(label: str, why: str) -> None:
-    line, _ = _scores(CONTRACT, trials(label, label), [SHORT, SHORT], None)
+    line, found = _scores(CONTRACT, trials(label, label), [SHORT, SHORT], None)
     assert line == f"2 trials; {why}"
+    _, scored = _scores(CONTRACT, trials("hold"), [sure_of("hold")], None)
+    assert list(found) == list(scored)
+    assert [found[name] for name in ("majority", "scores", "answered_accuracy")] == [None] * 3

@@ -97,11 +97,22 @@ def test_sessions_that_cannot_be_held_out_are_refused_as_before() -> None:
     assert recipe_split("group:trial", dataset, "shape", 3, 0).name == "trial held out"
 
 
+def test_sessions_that_training_cannot_hold_out_are_named_with_the_reason() -> None:
+    """Somebody who named sessions must not take an accuracy within them for one of new ones."""
+    split = usual_split(make_dataset(sessions=3, one_session_a_class=True), "shape", 3, 0)
+
+    assert split.name == "trial held out"
+    (note,) = split.notes
+    assert note.startswith("sessions cannot be held out: needed at least two groups 'session' for")
+    assert note.endswith("; so trials are, and in a new session accuracy may be lower")
+
+
 def test_one_session_alone_is_no_reason_to_refuse() -> None:
     """Nothing of it can be held out whole, so the objects within it are."""
     dataset = regrouped(lambda n: {"session": "s", "object": f"o{n % 4}"})
 
     assert recipe_split(None, dataset, "shape", 5, 0).name == "object held out"
+    assert not usual_split(dataset, "shape", 5, 0).notes
 
 
 def test_where_nothing_can_be_held_out_the_finest_groups_say_why() -> None:

@@ -283,6 +283,26 @@ def test_somebody_elses_data_set_gives_state_and_images_at_frame_over_fps(record
     )
 
 
+def test_tasks_are_found_by_their_numbers_and_not_by_their_places(recordings, tmp_path):
+    """In a part of a data set, whose tasks have numbers between left out, frames got others'."""
+    pa = importlib.import_module("pyarrow")
+    write_lerobot(recordings, tmp_path / "set")
+    place = tmp_path / "set" / layout.EPISODES
+    table = pq.read_table(place)
+    own = [name for name in table.column_names if name.startswith(layout.OWN)]
+    pq.write_table(table.drop_columns(own), place)
+    for numbers, refused in (((2, 0, 1), False), ((0, 7, 8), True)):
+        tasks = pa.table({"task_index": list(numbers), "task": ["c", "a", "b"]})
+        pq.write_table(tasks, tmp_path / "set" / layout.TASKS)
+        if refused:
+            with pytest.raises(BadDataset, match="task 1 of a frame is not among the tasks"):
+                import_lerobot(tmp_path / "set", tmp_path / "none")
+        else:
+            back = import_lerobot(tmp_path / "set", tmp_path / "back")
+            found = {mark.labels["task"] for mark in read_recording(back[0]).marks}
+            assert found == {"a", "b", "c"}
+
+
 @pytest.mark.parametrize("names", [["channels", "height", "width"], None, "absent"])
 def test_somebody_elses_images_may_have_their_channels_first(names, recordings, tmp_path):
     write_lerobot(recordings, tmp_path / "set")
@@ -360,3 +380,11 @@ def test_lerobots_own_reader_loads_it(recordings, tmp_path):
     assert batches[0][layout.TACTILE].shape == (16, 44, 3)
     assert batches[0][layout.STATE].shape == (16, 2, 3)
     assert batches[0]["observation.images.left"].shape == (16, 3, 24, 32)
+
+
+def test_scans_a_frame_are_refused_where_there_is_no_array(make, tmp_path):
+    """--rows was taken without a word, and changed nothing."""
+    path = make(tmp_path / "a.mcap", array=False)
+    with pytest.raises(BadInput, match=r"an array beside --rows.* of cameras alone; leave it out"):
+        write_lerobot([path], tmp_path / "set", rows=4)
+    assert not (tmp_path / "set").exists()

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadDataset
-from taxel.exchange.ros2_bag import ros_topic, write_bags
+from taxel.exchange.ros2_bag import ros_topic, ros_topics, write_bags
 from taxel.frame_codec import encode_jpeg
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import iterate_frames, read_manifest, read_recording
 from taxel.recordings.writer import Recorder
-from taxel.signals import CameraInfo, Frame
+from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 
 
 @pytest.mark.parametrize(
@@ -37,6 +37,29 @@ def test_topics_of_a_bag_are_names_that_ros_accepts(recorded, written):
 
 def test_two_names_that_become_one_topic_stay_apart():
     assert ros_topic("/camera/left-2", ["/camera/left_2"]) == "/camera/left_2_2"
+
+
+def test_which_of_two_topics_is_renamed_depends_on_their_names_alone():
+    """It was the camera whose image came second: two bags of one rig differed."""
+    topics = ["/camera/a b", "/camera/a-b", "/camera/a_b", "/camera/a_b_2"]
+    names = {"/camera/a_b": "/camera/a_b", "/camera/a_b_2": "/camera/a_b_2",
+             "/camera/a b": "/camera/a_b_3", "/camera/a-b": "/camera/a_b_4"}  # fmt: skip
+    assert ros_topics(topics) == ros_topics(reversed(topics)) == names
+
+
+def test_a_bag_names_cameras_alike_whichever_sees_first(tmp_path):
+    cameras = tuple(CameraInfo(name=n, width=8, height=8, rate_hz=25.0) for n in ("l_2", "l-2"))
+    jpeg = encode_jpeg(np.zeros((8, 8, 3), np.uint8))
+    for first in (0, 1):
+        path = tmp_path / f"{first}.mcap"
+        with Recorder(path, Manifest.started_now(NO_ARRAY, now_s=0.0, cameras=cameras)) as recorder:
+            for number, camera in enumerate((first, 1 - first, 1)):
+                recorder.frame(
+                    Frame(camera=camera, counter=number, device_s=0.0, arrival_s=0.1 * number,
+                          fitted_s=0.1 * number, jpeg=jpeg)
+                )  # fmt: skip
+    counts = write_bags([tmp_path / "0.mcap", tmp_path / "1.mcap"], tmp_path / "bags")
+    assert counts["0"] == counts["1"] == {"/camera/l_2": 1, "/camera/l_2_2": 2}
 
 
 def test_rosbags_reads_a_bag_folder_with_every_message(make, tmp_path):
@@ -66,6 +89,30 @@ def test_rosbags_reads_a_bag_folder_with_every_message(make, tmp_path):
     left = [bytes(message.data) for message in found["/camera/left"]]
     assert left == [frame.jpeg for frame in iterate_frames(path, 0)]
     assert json.loads(found["/marks"][0].data)["labels"] == {"grasp": "stable"}
+
+
+def _array_from(path, first_s):
+    info = SensorInfo(name="pad", channels=("a",), units=("V",), rate_hz=100.0)
+    with Recorder(path, Manifest(sensor=info)) as recorder:
+        times = first_s + np.arange(100) / 100
+        recorder.write(Samples.from_values(np.ones((100, 1)), times))
+        recorder.mark(Mark(start_s=first_s, end_s=first_s + 0.1, labels={"x": "y"}))
+    return path
+
+
+def test_scans_before_a_trigger_at_zero_keep_their_distances_in_a_bag(tmp_path):
+    """ROS knows no time before 1970: half of an import from −0.5 s on was stamped zero."""
+    write_bags([_array_from(tmp_path / "a.mcap", -0.5)], tmp_path / "bags")
+    text = (tmp_path / "bags/a/metadata.yaml").read_text()
+    about = json.loads(text)["rosbag2_bagfile_information"]
+    assert about["duration"]["nanoseconds"] == 990_000_000
+    assert about["starting_time"]["nanoseconds_since_epoch"] == 500_000_000
+
+
+def test_scans_after_the_end_of_ros_time_are_refused(tmp_path):
+    with pytest.raises(BadDataset, match=r"before 2038.* got one of 3000000000 s since 1970"):
+        write_bags([_array_from(tmp_path / "a.mcap", 3e9)], tmp_path / "bags")
+    assert not (tmp_path / "bags").exists()
 
 
 def test_parquet_holds_what_was_recorded(make, tmp_path):
@@ -199,6 +246,24 @@ def test_cameras_of_odd_sizes_and_like_names_have_a_video_each(tmp_path, codec, 
             images = [frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)]
         assert [image.shape for image in images] == [(25, 33, 3)] * 12
         assert abs(int(images[5].mean()) - level) <= 2
+
+
+def test_a_camera_that_is_called_like_anothers_video_keeps_its_own(tmp_path):
+    """Two cameras wrote one file: the images of the first were lost."""
+    pytest.importorskip("av", reason="av is not installed (taxel[export])")
+    from taxel.exchange.video_files import write_videos
+
+    names = ("l 1", "l_1", "l_1-1")
+    cameras = tuple(CameraInfo(name=name, width=32, height=24, rate_hz=25.0) for name in names)
+    jpeg = encode_jpeg(np.zeros((24, 32, 3), np.uint8))
+    with Recorder(tmp_path / "a.mcap", Manifest(sensor=NO_ARRAY, cameras=cameras)) as recorder:
+        for camera, frames in enumerate((3, 4, 5)):
+            for number in range(frames):
+                recorder.frame(Frame(camera=camera, jpeg=jpeg, counter=number, device_s=0.0,
+                                     arrival_s=number / 25, fitted_s=number / 25))  # fmt: skip
+    found = write_videos([tmp_path / "a.mcap"], tmp_path / "v")
+    assert found == {"a.l_1-1-1.mkv": 3, "a.l_1-2.mkv": 4, "a.l_1-1.mkv": 5}
+    assert sorted(found) == sorted(path.name for path in (tmp_path / "v").glob("*.mkv"))
 
 
 def test_a_video_of_a_camera_that_runs_fast_is_read_to_its_last_frame(tmp_path):

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from taxel.errors import BadDataset
-from taxel.labels.class_order import RESERVED, figures_as_classes, refuse_reserved
+from taxel.labels.class_order import RESERVED, figures_as_classes, in_order, refuse_reserved
 from taxel.labels.trials import (
     Trial,
     coarsest_group,
@@ -145,3 +145,24 @@ def test_a_moment_belongs_to_the_stretch_that_holds_it_though_its_neighbour_is_n
     assert span_at(0.302, spans, 1e-3) is None
     assert span_at(0.1, [], 1e-3) is None
     assert span_at(0.1, [(0.0, 0.1), (0.1, 0.2)], 1e-3) == 1  # both hold it: the one that begins
+
+
+def test_a_trial_lasts_no_longer_than_its_recording():
+    """A recorder that is stopped within a grasp keeps the mark's end, which was never recorded."""
+    spans = ((1.0, 2.0), (4.0, 7.0), (6.0, 8.0))
+    marks = [Mark(start_s=start, end_s=end, labels={}) for start, end in spans]
+    trials = trials_of(PATH, MANIFEST, marks, 0.0, 5.0)
+    assert [trial.duration_s for trial in trials] == [1.0, 1.0, 0.0]
+    assert [trial.start_s for trial in trials] == [1.0, 4.0, 6.0]
+
+
+@pytest.mark.parametrize(
+    ("names", "order"),
+    [
+        (["1_10", "2_1"], ("1_10", "2_1")),  # 110 and 21 in Python
+        (["10", "2", "-1.5"], ("-1.5", "2", "10")),
+        (["2", "10", "inf"], ("10", "2", "inf")),
+    ],
+)
+def test_classes_stand_as_numbers_only_where_all_are_written_as_such(names, order):
+    assert in_order(names) == order

@@ -22,6 +22,7 @@ from taxel.decisions.stability import Stability
 from taxel.live.camera_health import CameraHealth
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.live.station import inference
+from taxel.live.station.packets import ends_grasp
 from taxel.recordings.reader import iterate_frames
 from taxel.signals import PAUSE, CameraInfo, Frame, Mark
 from taxel.sim.gelsight.mini import camera_times
@@ -155,9 +156,11 @@ def watched() -> list[dict[str, Any]]:
         open_source("sim://cup-pour?runs=2&duration_s=1.5&seed=4&kind=still", clock) as source,
     ):
         patched.setattr(inference, "monotonic", clock.now_s)
-        place = SimpleNamespace(name="monitor")
-        job = SimpleNamespace(place=place, cameras=source.cameras, trust=None, device="cpu")
-        watcher = inference._GraspWatcher(shipped_bundle(DEFAULT_WARNING), job, ring, 0)  # type: ignore
+        place, path = SimpleNamespace(name="monitor"), shipped_bundle(DEFAULT_WARNING)
+        job = SimpleNamespace(
+            place=place, bundles=(path,), cameras=source.cameras, trust=None, device="cpu"
+        )
+        watcher = inference._GraspWatcher(path, job, ring, 0)  # type: ignore[arg-type]
         pulse = SimpleNamespace(beat=lambda **_: None)
         while not source.ended:
             source.read(0.005)
@@ -229,4 +232,4 @@ def test_frames_pair_as_ever_across_a_pause():
 
 def test_a_mark_without_an_outcome_ends_no_grasp():
     hand = Mark(start_s=0.0, end_s=1.0, labels={"shape": "ball"})
-    assert not inference._ends_grasp(hand)
+    assert not ends_grasp(hand)

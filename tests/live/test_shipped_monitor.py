@@ -1,6 +1,7 @@
 """The monitors that come with taxel: what they cannot follow is UNKNOWN, never STABLE."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
 from taxel.bundles.shipped import CUP_POUR, DEFAULT_WARNING, shipped_bundle
 from taxel.decisions.reasons import kind_of
 from taxel.decisions.stability import Stability
+from taxel.errors import BadBundle
 from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.live.grasp_monitor import GraspAnswer, GraspMonitor
 from taxel.signals import CameraInfo, Frame
@@ -30,6 +32,28 @@ Held = tuple[tuple[CameraInfo, ...], list[FrameSet]]
 @pytest.fixture(scope="module", params=[DEFAULT_WARNING, CUP_POUR])
 def bundle(request: pytest.FixtureRequest) -> GraspBundle:
     return read_grasp_bundle(shipped_bundle(request.param))
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"width": 640, "height": 480}, "640×480 from 'left'; let the camera send that size"),
+        ({"rate_hz": 25.0}, "about 60 frames/s; got 25 from 'left'; let the camera send that many"),
+        ({"rate_hz": 47.0}, "about 60 frames/s; got 47"),
+        ({"rate_hz": 76.0}, "about 60 frames/s; got 76"),
+        ({"rate_hz": 48.0}, ""),
+        ({"rate_hz": 75.0}, ""),
+    ],
+)
+def test_other_sizes_and_rates_are_refused_as_the_guide_says(
+    bundle: GraspBundle, given: dict[str, float], words: str
+):
+    """The line asked for a bundle of that rate, which train-slip has no option for."""
+    size = {"width": 320, "height": 240, "rate_hz": 60.0} | given
+    cameras = tuple(CameraInfo(name=name, **size) for name in ("left", "right"))  # type: ignore[arg-type]
+    refused = pytest.raises(BadBundle, match=f"{words}.*taxel train-monitor")
+    with refused if words else nullcontext():
+        bundle.contract.check_cameras(cameras)
 
 
 @pytest.fixture(scope="module")

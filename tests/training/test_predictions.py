@@ -121,3 +121,4 @@ def test_a_command_line_is_kept_only_where_taxel_was_called():
 
     assert _command(["/usr/bin/pytest", "-q"]) == ""
     assert _command(["/x/src/taxel/cli/main.py", "models"]) == "taxel models"
+    assert _command(["/x/src/taxel/__main__.py", "report", "a b"]) == "taxel report 'a b'"

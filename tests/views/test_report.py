@@ -176,6 +176,12 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> str:
     )
 
 
+def test_an_interval_over_few_sessions_is_said_to_be_narrow(tmp_path: Path):
+    narrow = "sessions: the interval is about their lowest and highest; record more."
+    assert f"3 {narrow}" in page_of(tmp_path, runs={"few": make_run()})
+    assert narrow not in page_of(tmp_path, runs={"many": make_run(sessions=6)})
+
+
 def test_the_page_needs_no_script_and_no_other_file(whole: str):
     assert "<script" not in whole
     assert not re.findall(r"""(?:src|href)=["'](?!#|data:)""", whole)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
+import pytest
 from rich.console import Console
 
 from taxel.evaluation.baselines import TRIVIAL
@@ -117,6 +118,17 @@ def shown(
         trivial=dict.fromkeys(("majority", *TRIVIAL), 0.2), warning=None,
     )  # fmt: skip
     return printed(nested_table(cast(Nested, nested)), 200)
+
+
+@pytest.mark.parametrize(
+    ("interval", "narrow"), [((0.3, 0.5, 2), True), ((0.3, 0.5, 6), False), ((0.4, 0.4, 2), False)]
+)
+def test_train_says_that_an_interval_over_few_sessions_is_too_narrow(
+    interval: tuple[float, float, int], narrow: bool
+):
+    """As evaluate does; where all sessions are alike, there is no interval."""
+    line = "2 sessions: the interval is about their lowest and highest; record more"
+    assert (line in shown(judged(0.8), interval=interval)) == narrow
 
 
 def test_train_says_which_share_of_windows_live_would_name():

@@ -60,6 +60,17 @@ def test_a_folder_of_images_and_a_single_one_are_called_what_they_are(tmp_path: 
         refuse_footage(tmp_path / "a.png")
 
 
+@pytest.mark.parametrize("place", ["slip", "mug/take-1"])
+def test_images_in_a_folder_of_each_class_belong_in_a_table(tmp_path: Path, place: str) -> None:
+    """The line asked for recordings, and named only commands that make new ones."""
+    (tmp_path / place).mkdir(parents=True)
+    write_image(tmp_path / place / "a.png")
+    with pytest.raises(BadTable, match=r"name them in a table .* camera:NAME,label:NAME"):
+        refuse_footage(tmp_path)
+    (tmp_path / "trials.csv").write_text("left,label:slip\n")
+    refuse_footage(tmp_path)  # whoever reads the folder names its table
+
+
 def test_an_image_beside_a_recording_is_no_footage(tmp_path: Path) -> None:
     write_image(tmp_path / "a.png")
     (tmp_path / "b.mcap").write_bytes(b"")

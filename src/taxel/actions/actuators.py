@@ -211,6 +211,8 @@ class ArmActuator:
         self.force: ForceRange | None = None
         self._lower_mm = lower_mm
         self._lowered = False
+        self._leaving = False
+        """True once a new grasp was announced and all that was heard may be of the one before."""
         self._alarms = 0
         self._stopped = False
 
@@ -221,7 +223,13 @@ class ArmActuator:
         status = self.arm.status()
         return Health(status.fault or ("" if status.ok else "not ready"), status.read_s)
 
+    def new_grasp(self) -> None:
+        """Note that another grasp begins: what alarms in it is a new alarm."""
+        self._leaving = True
+
     def apply(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+        if self._leaving and not decision.alarm:
+            self._leaving = self._lowered = False
         if not order.valid(now_s):
             return
         if order.kind is OrderKind.STOP:
@@ -238,7 +246,7 @@ class ArmActuator:
             self._lowered = False
 
     def _lower(self, order: Order) -> None:
-        """Lower once an alarm: it is over when the grasp is stable again.
+        """Lower once an alarm: it is over when the grasp is stable again, or another one.
 
         Asked again each tick, since each order lives a short time; sent once.
         """

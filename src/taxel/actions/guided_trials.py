@@ -284,7 +284,9 @@ def _record(
             else:
                 waiting.discard(frame.camera)
         for mark in source.marks():
-            recorder.mark(mark)
+            # A source that is open from trial to trial may still give the one before.
+            if begin_s <= mark.end_s and mark.start_s < end_s:
+                recorder.mark(mark)
         if stopped():
             return None
         if not waiting or source.ended:

@@ -222,6 +222,11 @@ def _lowering(options: _Options) -> tuple[float, ArmLimits]:
         raise BadInput(
             f"lower_mm of 0 to lowest_mm, {limits.lowest_mm:g}", f"{lower_mm:g}", "choose another"
         )
+    if named and not lower_mm:
+        raise BadInput(
+            f"lower_mm, the way down, beside {next(iter(named))}",
+            "none: the arm would never be moved", "add lower_mm, or leave it out",
+        )  # fmt: skip
     return lower_mm, limits
 
 

@@ -134,12 +134,14 @@ class GraspContract:
             if (camera.width, camera.height) != (self.width, self.height):
                 raise BadBundle(
                     f"frames of {self.width}×{self.height}", f"{camera.width}×{camera.height} from "
-                    f"{camera.name!r}", "train a bundle on recordings of this camera",
+                    f"{camera.name!r}", "let the camera send that size (width and height in its "
+                    "address), or train a monitor on recordings of it: taxel train-monitor",
                 )  # fmt: skip
             if not RATE_RANGE[0] <= camera.rate_hz / self.rate_hz <= RATE_RANGE[1]:
                 raise BadBundle(
                     f"about {self.rate_hz:g} frames/s", f"{camera.rate_hz:g} from {camera.name!r}",
-                    "train a bundle on recordings of this rate",
+                    "let the camera send that many, or train a monitor on recordings of this rate: "
+                    "taxel train-monitor",
                 )  # fmt: skip
 
 

@@ -117,7 +117,7 @@ def write_corrected(
         RecordingFailed: The disk refused.
     """
     if output.suffix != ".mcap":
-        raise BadInput("a recording to be that ends in .mcap", str(output), "rename it")
+        raise BadInput("a recording's name that ends in .mcap", str(output), "rename it")
     if output.exists() and output.samefile(source):
         raise BadInput("another file for --output", "the raw recording", "raw is kept")
     recording = read_recording(source)

@@ -145,7 +145,7 @@ def train_expert(
         if task.check:
             score = check_choice(base, cut, like, folds, seed, on_step)
             expert = _with_score(expert, score)
-        expert = replace(expert, notes=(*expert.notes, *_table_notes(base, folds, task.split)))
+        expert = replace(expert, notes=(*expert.notes, *_split_notes(base, folds, task.split)))
         return replace(expert, seconds=perf_counter() - started)
     stored_tries = KeptTries(
         tries, {"code": code_digest(), "software": environment(), "seed": seed}
@@ -172,7 +172,7 @@ def train_expert(
         nested = check_choosing(base, prepared, folds, effort, task.bars, limits, known)
     fitted = fitted or fitted_on(_ALL)
     expert = _within(search, fitted, learned, nested, limits, reject_novel, seed)
-    expert = replace(expert, notes=(*expert.notes, *_table_notes(base, folds, task.split)))
+    expert = replace(expert, notes=(*expert.notes, *_split_notes(base, folds, task.split)))
     stored_tries.forget()
     bars_s = 0.0 if nested is None else nested.bars_s
     return replace(expert, tries_kept=stored_tries.used, seconds=perf_counter() - started - bars_s)
@@ -200,10 +200,10 @@ def read_and_part(task: Task, like: Choice | None = None) -> tuple[Base, Split]:
     return replace(base, unseen=frozenset(range(len(base.trials))).difference(learned)), folds
 
 
-def _table_notes(base: Base, folds: Split, split: OuterSplit) -> tuple[str, ...]:
-    """Return notes on a table of folds; empty without one."""
+def _split_notes(base: Base, folds: Split, split: OuterSplit) -> tuple[str, ...]:
+    """Return notes on how the folds were made, and on a table's objects on both sides."""
     if split.given.table is None:
-        return ()
+        return folds.notes
     return (*folds.notes, *objects_on_both(base.trials, base.y, folds))
 
 

@@ -78,6 +78,7 @@ def open_source(source: Source) -> Opened:
         dataset, split = split_elsewhere(source.path, dataset, recipe.target, source.given)
     else:
         split = recipe_split(recipe.split, dataset, recipe.target, source.folds, recipe.train.seed)
+        dataset = replace(dataset, notes=(*dataset.notes, *split.notes))
     overlaps = recipe.train_stride is not None and not isinstance(split.folds[0], WindowFold)
     training = training_windows(source.path, dataset, recipe) if overlaps else None
     return Opened(dataset, split, training)

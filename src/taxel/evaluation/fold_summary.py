@@ -48,6 +48,8 @@ class SplitSummary:
     left_out: int
     """Those that stand on no side of any fold."""
     folds: tuple[FoldSummary, ...]
+    notes: tuple[str, ...] = ()
+    """Why sessions are not held out, where they are not; none of a table."""
 
 
 def summary_of(dataset: Dataset, target: str, split: Split) -> SplitSummary:

@@ -123,7 +123,7 @@ class Split:
     key: str | None = None
     """The group that it was asked to hold out, such as "session"; None where it names none."""
     notes: tuple[str, ...] = ()
-    """What a reader must know of a table: trials that it does not name, lines without a trial."""
+    """What a reader must know: a table's idle lines, or why sessions are not held out."""
 
     @property
     def trial_folds(self) -> tuple[TrialFold, ...]:

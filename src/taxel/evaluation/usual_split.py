@@ -9,10 +9,12 @@ Background of our choices: docs/decisions/0039.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from taxel.errors import BadInput, BadSplit
 from taxel.evaluation.splits import Split, parse_split
 from taxel.labels.trials import OBJECTS, USUAL_GROUPS, Trial, coarsest_group
+from taxel.plain_text import noun_of, several
 from taxel.recordings.imports.own_groups import CUT_FROM
 from taxel.windows.dataset import Dataset
 
@@ -51,7 +53,8 @@ def usual_split(dataset: Dataset, target: str, folds: int, seed: int) -> Split:
 
     Objects that were touched several times come first, unless there are sessions; then sessions, or
     where there are none what else people part trials by, such as persons; then files. Of pieces
-    (the import table's column of that name) all those of a whole are on one side.
+    (the import table's column of that name) all those of a whole are on one side. A note of the
+    split names sessions or others that come before but cannot be held out, and why.
 
     Args:
         dataset: What is split, in windows of any length.
@@ -66,18 +69,43 @@ def usual_split(dataset: Dataset, target: str, folds: int, seed: int) -> Split:
     pieces = all(CUT_FROM in trial.groups for trial in dataset.trials)
     if pieces:  # never some pieces of a whole with the others of it in training
         order.remove("trial")
+    refused: tuple[str, BadInput] | None = None
     for key in order[: None if pieces else -1]:
         try:
-            return parse_split(f"group:{key}", dataset, target, folds, seed)
-        except BadInput:
+            split = parse_split(f"group:{key}", dataset, target, folds, seed)
+        except BadInput as refusal:
+            refused = refused or (key, refusal)
             continue
+        return replace(split, notes=_passed_over(dataset.trials, refused, key))
     if pieces:
         raise BadSplit(
             f"pieces of several recordings or stretches of each {target}, to hold out whole ones",
             "pieces of too few of them",
             "import more recordings, or test the later pieces by --split order:piece_number:70%",
         )
-    return parse_split(f"group:{order[-1]}", dataset, target, folds, seed)
+    split = parse_split(f"group:{order[-1]}", dataset, target, folds, seed)
+    return replace(split, notes=_passed_over(dataset.trials, refused, order[-1]))
+
+
+def _passed_over(
+    trials: Sequence[Trial], refused: tuple[str, BadInput] | None, key: str
+) -> tuple[str, ...]:
+    """Return a note on several sessions, objects or persons that cannot be held out, if any.
+
+    Args:
+        trials: All of them.
+        refused: The first group that could not be held out, and why.
+        key: The group that is held out instead.
+    """
+    if refused is None:
+        return ()
+    first, why = refused
+    if first not in USUAL_GROUPS or len({trial.groups[first] for trial in trials}) < 2:
+        return ()
+    return (
+        f"{several(first)} cannot be held out: needed {why.needed}; got {why.got}; so "
+        f"{several(key)} are, and in a new {noun_of(first)} accuracy may be lower",
+    )
 
 
 def _order(trials: Sequence[Trial], labels: Sequence[str]) -> list[str]:

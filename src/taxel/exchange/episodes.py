@@ -148,7 +148,7 @@ def rhythm_of(manifest: Manifest, path: Path, fps: int | None, rows: int | None)
 
     Raises:
         BadDataset: Its rates are not known.
-        BadInput: Both are given where one follows from the other.
+        BadInput: Both are given where one follows from the other, or scans without an array.
     """
     sensor, cameras = manifest.sensor, manifest.of_jpeg
     if sensor.channels and sensor.rate_hz <= 0:
@@ -156,6 +156,9 @@ def rhythm_of(manifest: Manifest, path: Path, fps: int | None, rows: int | None)
                          "record or import it again with its rate")  # fmt: skip
     if cameras and cameras[0].rate_hz <= 0 and not fps:
         raise BadDataset("a recording whose camera has a rate", f"{path} without", "give --fps")
+    if rows and not sensor.channels:
+        raise BadInput("an array beside --rows, the scans of each frame",
+                       f"{path} of cameras alone", "leave it out")  # fmt: skip
     if cameras:
         fps = fps or max(1, round(cameras[0].rate_hz))
         rows = rows or math.ceil(MARGIN * sensor.rate_hz / fps)

@@ -6,7 +6,7 @@ else's. Knows nothing about folders or files.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -112,7 +112,7 @@ class OwnEpisode:
 class ForeignEpisode:
     """An episode of somebody else's: its state and images at times of frame over rate."""
 
-    def __init__(self, info: Info, row: Mapping[str, Any], tasks: Sequence[str]) -> None:
+    def __init__(self, info: Info, row: Mapping[str, Any], tasks: Mapping[int, str]) -> None:
         self._info, self._tasks = info, tasks
         self._key = state_key(info)
         self._task: list[tuple[float, str]] = []
@@ -150,6 +150,8 @@ class ForeignEpisode:
         number = _numbers(part, "frame_index")
         time_s = number / info.fps
         chosen = _numbers(part, "task_index").astype(np.int64)
+        if unknown := set(chosen.tolist()) - self._tasks.keys():
+            raise ValueError(f"task {min(unknown)} of a frame is not among the tasks")
         self._task += [
             (at, self._tasks[task])
             for at, task in zip(time_s.tolist(), chosen.tolist(), strict=True)

@@ -126,9 +126,11 @@ def _read_episodes(folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def _read_tasks(folder: Path) -> list[str]:
+def _read_tasks(folder: Path) -> dict[int, str]:
+    """Return number → words; a part of a data set may lack numbers between."""
     rows = sorted(_rows_of(folder / layout.TASKS), key=lambda row: row["task_index"])
-    return [str(row["task"] if "task" in row else row["__index_level_0__"]) for row in rows]
+    named = "task" if rows and "task" in rows[0] else "__index_level_0__"
+    return {row["task_index"]: str(row[named]) for row in rows}
 
 
 def _rows_of(path: Path) -> list[dict[str, Any]]:
@@ -206,7 +208,7 @@ class _Batches:
 
 
 def _write_episode(
-    info: Info, row: Mapping[str, Any], tasks: Sequence[str], batches: _Batches, path: Path
+    info: Info, row: Mapping[str, Any], tasks: Mapping[int, str], batches: _Batches, path: Path
 ) -> None:
     frames = row["length"]
     if not isinstance(frames, int) or frames < 1:

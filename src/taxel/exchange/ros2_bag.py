@@ -15,13 +15,14 @@ import math
 import re
 import struct
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
+from taxel.errors import BadDataset
 from taxel.exchange.output import new_tree
 from taxel.recordings import frame_layout
 from taxel.recordings.cdr import CDR_HEAD, CdrWriter
@@ -49,6 +50,8 @@ _HEADER = ("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id\n"
 _TIME = ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n")
 _TEXT_TYPE = "std_msgs/msg/String"
 _STAMP = struct.Struct("<iI")
+_LAST_NS = 2**31 * 10**9
+"""The first moment that a stamp cannot hold. Source: builtin_interfaces/Time, int32 sec."""
 _COUNT = struct.Struct("<I")
 _SCHEMAS = {
     STATE_TYPE: definition(STATE_FIELDS, _HEADER, _TIME),
@@ -115,6 +118,7 @@ def write_bags(
         Bag → topic → messages.
 
     Raises:
+        BadDataset: A scan is of 2038 or later.
         BadRecording: One is damaged or cut short.
         RecordingFailed: The disk refused.
     """
@@ -145,11 +149,9 @@ def _write_bag(path: Path, folder: Path) -> dict[str, int]:
         writer.start(profile="ros2", library="taxel")
         schemas: dict[str, int] = {}
         channels: dict[str, int] = {}
-        names: dict[str, str] = {}
+        names = ros_topics(_topics(read_manifest(path)))
         for recorded, kind, log_ns, publish_ns, body in _messages(path):
-            topic = names.get(recorded) or names.setdefault(
-                recorded, ros_topic(recorded, names.values())
-            )
+            topic = names[recorded]
             if topic not in channels:
                 if kind not in schemas:
                     schemas[kind] = writer.register_schema(kind, "ros2msg", _SCHEMAS[kind])
@@ -167,6 +169,17 @@ def _write_bag(path: Path, folder: Path) -> dict[str, int]:
     text = _metadata(name, types, counts, first_ns or 0, last_ns)
     (folder / "metadata.yaml").write_text(text, encoding="utf-8")
     return dict(counts)
+
+
+def ros_topics(topics: Iterable[str]) -> dict[str, str]:
+    """Return topics, each with another name that ROS 2 accepts, whatever their order.
+
+    Those that need no change keep their names.
+    """
+    names: dict[str, str] = {}
+    for topic in sorted(topics, key=lambda own: (ros_topic(own) != own, own)):
+        names[topic] = ros_topic(topic, names.values())
+    return names
 
 
 def ros_topic(topic: str, taken: Collection[str] = ()) -> str:
@@ -220,8 +233,16 @@ def _metadata(
     return json.dumps({"rosbag2_bagfile_information": about}, indent=1, ensure_ascii=False) + "\n"
 
 
+def _topics(manifest: Manifest) -> set[str]:
+    """Return the topics of all messages that a recording may hold."""
+    cameras = {frame_layout.frame_topic(camera.name) for camera in manifest.cameras}
+    return {scan_topic(manifest.sensor.name), MARK_TOPIC, SLIP_TOPIC, *cameras}
+
+
 def _messages(path: Path) -> Iterator[Message]:
     manifest = read_manifest(path)
+    if not manifest.wall_anchor_ns:
+        manifest = replace(manifest, wall_anchor_ns=_whole_seconds_back_ns(path))
     for block in iterate_blocks(path):
         yield from _scans(block.samples, manifest)
         for frame in block.frames:
@@ -232,6 +253,18 @@ def _messages(path: Path) -> Iterator[Message]:
     for note in iterate_slips(path):
         at_ns = wall_ns_of(note.time_s, manifest.wall_anchor_ns)
         yield SLIP_TOPIC, _TEXT_TYPE, at_ns, at_ns, _text(asdict(note))
+
+
+def _whole_seconds_back_ns(path: Path) -> int:
+    """Return how much later the stamps of a recording without wall time must be, nanoseconds.
+
+    ROS knows no time before 1970: scans before a trigger at zero would all have one stamp.
+    """
+    first_s = 0.0
+    for block in iterate_blocks(path):
+        times_s = [frame.fitted_s for frame in block.frames] + [m.start_s for m in block.marks]
+        first_s = min([first_s, *times_s, *block.samples.fitted_s.tolist()])
+    return math.ceil(-first_s) * 10**9
 
 
 def _scans(samples: Samples, manifest: Manifest) -> Iterator[Message]:
@@ -247,6 +280,12 @@ def _scans(samples: Samples, manifest: Manifest) -> Iterator[Message]:
     same, count = head.content[len(CDR_HEAD) :], _COUNT.pack(len(sensor.channels))
     topic = scan_topic(sensor.name)
     taken = wall_ns(samples.fitted_s, manifest.wall_anchor_ns).tolist()
+    if taken and max(taken) >= _LAST_NS:
+        raise BadDataset(
+            "scans from before 2038, where the time of ROS 2 ends",
+            f"one of {max(taken) // 10**9} s since 1970",
+            "set the clock of the device; export parquet keeps such times",
+        )
     known = np.where(np.isfinite(samples.arrival_s), samples.arrival_s, samples.fitted_s)
     arrived = wall_ns(known, manifest.wall_anchor_ns).tolist()
     for i, (log_ns, publish_ns) in enumerate(zip(taken, arrived, strict=True)):

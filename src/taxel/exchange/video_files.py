@@ -74,9 +74,7 @@ def write_videos(
 
 
 def _write(path: Path, cameras: Sequence[CameraInfo], folder: Path, codec: Codec) -> dict[str, int]:
-    plain = [_plain(camera.name) for camera in cameras]
-    plain = [name if plain.count(name) == 1 else f"{name}-{number}"
-             for number, name in enumerate(plain, 1)]  # fmt: skip
+    plain = _apart([_plain(camera.name) for camera in cameras])
     names = [f"{path.stem}.{name}{ENDINGS[codec]}" for name in plain]
     counts = dict.fromkeys(names, 0)
     with ExitStack() as stack:
@@ -140,6 +138,19 @@ class _Video:
                     self._file.mux(packet)
         finally:
             self._file.close()
+
+
+def _apart(names: Sequence[str]) -> list[str]:
+    """Return names that differ: one that others share has its camera's number behind it."""
+    shared = {name for name in names if names.count(name) > 1}
+    taken, found = set(names), []
+    for number, name in enumerate(names, 1):
+        own = f"{name}-{number}" if name in shared else name
+        while name in shared and own in taken:
+            own += f"-{number}"
+        taken.add(own)
+        found.append(own)
+    return found
 
 
 def _plain(name: str) -> str:

@@ -18,8 +18,13 @@ under half as many values as trials. Source: our choice, docs/decisions/0040."""
 
 
 def in_order(classes: Iterable[str]) -> tuple[str, ...]:
-    """Return class names in order: 2 before 10, and b after a."""
+    """Return class names in order: 2 before 10, and b after a.
+
+    A name such as 1_10, a day and a run, is text, though Python reads it as 110.
+    """
     names = sorted(set(classes))
+    if any("_" in name for name in names):
+        return tuple(names)
     try:
         values = {name: float(name) for name in names}
     except ValueError:

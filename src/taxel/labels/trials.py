@@ -165,7 +165,8 @@ def trials_of(
     """Return the trials of one recording, oldest first.
 
     Each mark is a trial; a recording without marks is one trial as a whole.
-    A mark's own labels and groups win over the recording's.
+    A mark's own labels and groups win over the recording's. One that ends after the recording, as
+    where it was stopped within a grasp, is a trial up to the last scan: it lasts no longer.
 
     Args:
         path: The recording's file.
@@ -181,7 +182,7 @@ def trials_of(
         Trial(
             recording=path.name,
             start_s=mark.start_s,
-            end_s=mark.end_s,
+            end_s=max(mark.start_s, min(mark.end_s, end_s)),
             labels={**manifest.labels, **mark.labels},
             groups={
                 **manifest.groups,

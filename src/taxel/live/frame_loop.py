@@ -21,6 +21,13 @@ for: a simulator makes its next moment first. Further on, a mark may lie between
 choice, docs/decisions/0019."""
 
 
+def ends_grasp(mark: Mark) -> bool:
+    """Return whether a mark ends a grasp: it holds the outcome. A hand's marks in the same file,
+    and those of a person's reactions, do not.
+    """
+    return "outcome" in mark.labels
+
+
 def frames_and_marks(source: Source, last_s: float) -> Iterator[Frame | Mark]:
     """Yield what a source's read gave: frames, and each mark before the frames that follow its end.
 

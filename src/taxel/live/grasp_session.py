@@ -6,7 +6,7 @@ Knows nothing about screens.
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,7 +16,7 @@ from taxel.bundles.grasp import GraspBundle
 from taxel.decisions.reasons import kind_of
 from taxel.decisions.stability import Stability, StabilityConfig
 from taxel.gel.slip_signal import Slip
-from taxel.live.frame_loop import moments_and_marks
+from taxel.live.frame_loop import ends_grasp, moments_and_marks
 from taxel.live.grasp_monitor import GraspAnswer, GraspMonitor
 from taxel.signals import Mark
 from taxel.sources.contract import Source
@@ -74,6 +74,14 @@ class GraspTally:
         }
 
 
+@dataclass
+class _Alarm:
+    """Successive moments of a warning: when the first and the last of them were taken, seconds."""
+
+    first_s: float
+    last_s: float
+
+
 def run_grasp_session(
     source: Source,
     bundle: GraspBundle,
@@ -84,7 +92,7 @@ def run_grasp_session(
 ) -> GraspTally:
     """Watch a source until it ends, is stopped, or for some of its seconds; return the tally.
 
-    A mark ends a grasp: the next frames are a new one's settled first moments.
+    A mark with an outcome ends a grasp: the next frames are a new one's settled first moments.
 
     Args:
         source: An open source with cameras.
@@ -103,12 +111,16 @@ def run_grasp_session(
     tally = GraspTally()
     before: tuple[Stability, str | None] | None = None
     begin_s: float | None = None
-    first_alarm_s: float | None = None
+    alarms: deque[_Alarm] = deque(maxlen=_KEPT)  # since the last mark
+    alarmed = counted = False
     for found in moments_and_marks(source, pairer, monitor.see, seconds, stopped):
         if isinstance(found, Mark):
-            tally.grasps.append(_outcome(found, first_alarm_s))
+            if not ends_grasp(found):
+                continue
+            tally.grasps.append(_outcome(found, alarms))
             gone = monitor.over(found.end_s)
-            first_alarm_s = None
+            alarms.clear()
+            alarmed = counted = False
             if on_answer is not None:
                 on_answer(GraspAnswer(gone, float("nan"), found.end_s, 0.0, (), False), True)
             before = gone.state, kind_of(gone.reason)
@@ -117,12 +129,16 @@ def run_grasp_session(
         begin_s = found.time_s if begin_s is None else begin_s
         if answer.began:
             tally.starts.append(round(found.time_s - begin_s, 3))
-            first_alarm_s = None  # that of the grasp before, which no mark has ended
+            counted = False
         shown = answer.decision.state, kind_of(answer.decision.reason)
         tally.add(answer)
-        if answer.decision.alarm and first_alarm_s is None:
-            first_alarm_s = answer.time_s
-            tally.alarms += 1
+        if answer.decision.alarm:
+            if not alarmed:
+                alarms.append(_Alarm(answer.time_s, answer.time_s))
+            alarms[-1].last_s = answer.time_s
+            tally.alarms += not counted
+            counted = True
+        alarmed = answer.decision.alarm
         if on_answer is not None:
             on_answer(answer, shown != before)
         before = shown
@@ -130,6 +146,8 @@ def run_grasp_session(
     return tally
 
 
-def _outcome(mark: Mark, first_alarm_s: float | None) -> dict[str, Any]:
-    after_s = None if first_alarm_s is None else first_alarm_s - mark.start_s
+def _outcome(mark: Mark, alarms: Iterable[_Alarm]) -> dict[str, Any]:
+    inside = (alarm for alarm in alarms if mark.start_s <= alarm.last_s)
+    first = next(inside, None)
+    after_s = None if first is None else max(0.0, first.first_s - mark.start_s)
     return {"outcome": mark.labels.get("outcome", ""), "first_alarm_s": after_s, **mark.groups}

@@ -56,7 +56,7 @@ def check_output(path: Path, overwrite: bool) -> None:
             another process is recording to it.
     """
     if path.suffix != ".mcap":
-        raise BadInput("a recording to be that ends in .mcap", str(path), "rename it")
+        raise BadInput("a recording's name that ends in .mcap", str(path), "rename it")
     refuse_existing(path, overwrite)
 
 

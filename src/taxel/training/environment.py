@@ -70,7 +70,10 @@ def environment() -> dict[str, str]:
 def _command(argv: Sequence[str]) -> str:
     """Return the words as they were typed after `taxel`; empty where this is no taxel command."""
     first = Path(argv[0]) if argv else Path()
-    if first.name != "taxel" and first.parts[-3:] != ("taxel", "cli", "main.py"):
+    module = first.parts[-3:] == ("taxel", "cli", "main.py") or first.parts[-2:] == (
+        "taxel", "__main__.py",  # python -m taxel
+    )  # fmt: skip
+    if first.name != "taxel" and not module:
         return ""
     return shlex.join(["taxel", *argv[1:]])
 

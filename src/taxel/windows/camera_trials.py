@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Protocol
 
@@ -208,14 +208,18 @@ def refuse_footage(path: Path) -> None:
     inside = list(path.iterdir()) if path.is_dir() else [path]
     if any(file.name.lower().endswith((".mcap", ".mcap.tmp")) for file in inside):
         return
-    found = next((f for f in inside if f.suffix.lower() in (*IMAGES, *VIDEOS)), None)
+    tabled = any(file.suffix.lower() in TABLES for file in inside)  # the reader names the table
+    deeper = () if tabled else chain(path.glob("*/*"), path.glob("*/*/*"))
+    footage = (f for f in chain(inside, deeper) if f.suffix.lower() in (*IMAGES, *VIDEOS))
+    found = next(footage, None)
     if found is not None and found.exists() and not _known(path):
         what = "images or videos alone" if path.is_dir() else "one video or image"
         raise BadTable(
             "a table of camera trials (CSV), or a recording (MCAP) or a folder of them",
             f"{path}, {what}",
-            "name them in a table trials.csv: first line camera:NAME, then a line for each trial "
-            "with its video, image or folder; it works in place, as taxel live BUNDLE trials.csv",
+            "name them in a table trials.csv: first line camera:NAME,label:NAME, then a line for "
+            "each trial with its video, image or folder, and its label; it works in place, as "
+            "taxel live BUNDLE trials.csv",
         )
 
 

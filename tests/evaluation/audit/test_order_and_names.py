@@ -18,6 +18,7 @@ from taxel.evaluation.audit.order_effect import measure_order
 from taxel.evaluation.audit.origins import read_origins
 from taxel.evaluation.audit.sides import named_sides, table_sides
 from taxel.evaluation.audit.touch_set import TouchSet, group_values
+from taxel.evaluation.audit.trial_order import recorded_order
 
 Make = dict[str, Callable[..., TouchSet]]
 
@@ -380,3 +381,18 @@ def test_copies_with_another_label_are_said(make_set: Make) -> None:
 
     assert "1 of 2 pairs with two different labels" in both.message
     assert "different labels" not in alike.message
+
+
+def test_times_of_several_recordings_are_no_order(make_set: Make) -> None:
+    """Each counts from its own clock: the second trial of one is not later than all first ones."""
+    touch = make_set["array"]()
+    trials = tuple(
+        replace(t, recording=f"{chr(97 + i // 2 % 26)}{i // 52}.mcap", start_s=10.0 * (i % 2))
+        for i, t in enumerate(touch.trials)
+    )
+    several = replace(touch, trials=trials)
+    assert recorded_order(several) is None
+    in_one = tuple(replace(t, recording="a.mcap") for t in trials)
+    order = recorded_order(replace(touch, trials=in_one))
+    assert order is not None
+    assert order.places.tolist() == [float(i % 2) for i in range(len(touch))]

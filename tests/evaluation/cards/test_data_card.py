@@ -65,6 +65,16 @@ def test_each_array_has_its_own_rate(tmp_path: Path) -> None:
     assert "1000 scans/s measured, 1000 nominal" in found["skin"]
 
 
+def test_an_array_that_was_read_at_two_rates_has_no_rate_between_them(tmp_path: Path) -> None:
+    record(tmp_path / "a.mcap", SENSOR)
+    record(tmp_path / "b.mcap", replace(SENSOR, rate_hz=250.0))
+    record(tmp_path / "c.mcap", replace(SENSOR, name="ear", rate_hz=44100.0))
+    found = data_card(tmp_path).sensors
+
+    assert "100 to 250 scans/s measured, 100 to 250 nominal" in found["pad"]
+    assert "44100 scans/s measured, 44100 nominal" in found["ear"]
+
+
 def test_lost_scans_are_a_part_of_those_that_there_were(tmp_path: Path) -> None:
     record(tmp_path / "a.mcap", SENSOR, lost=300)
     assert data_card(tmp_path).lost.startswith("300 of 500 scans lost")

@@ -282,3 +282,15 @@ def test_a_warning_is_logged_with_how_far_and_how_fast_it_slips(make: Any):
         rig.station._log_state(now_s)
 
     assert rig.words == ["STABLE", "WARNING: slip 0.11 mm, 0.4 mm/s"]
+
+
+def test_a_new_grasp_is_ordered_of_every_monitor_and_reported_by_one(make: Any):
+    rig = make()
+    (first,) = rig.station.wiring.monitors
+    to, orders = rig._ring()
+    entry = {"kind": "grasp", "who": "monitor 2/0"}
+    rig.station.guard.expect("monitor 2/0", 0.0)
+    rig.station.wiring.monitors.append(MonitorLink(first.worker, "", first.heard, to, [entry]))
+    rig.station.new_grasp()
+    assert [unpack(order) for order in orders.take()] == [{"do": "new grasp", "report": False}]
+    assert [unpack(order) for order in rig.monitor_orders.take()] == [{"do": "new grasp"}]

@@ -72,7 +72,7 @@ class Monitor:
 class Rig:
     """A grasp watcher over a dummy model; time goes on by hand."""
 
-    def __init__(self, stack: ExitStack, patch: pytest.MonkeyPatch) -> None:
+    def __init__(self, stack: ExitStack, patch: pytest.MonkeyPatch, number: int = 0) -> None:
         self.clock = ManualClock()
         patch.setattr(inference, "monotonic", self.clock.now_s)
         patch.setattr("taxel.live.grasp_monitor.GraspMonitor", Monitor)
@@ -86,11 +86,12 @@ class Rig:
         ring = stack.enter_context(Ring(2**16)).name
         self._heard = stack.enter_context(RingReader(ring))
         job = inference.Inference(
-            place=cast("Any", SimpleNamespace(name="monitor")), bundles=(), sensor=cast("Any", 0),
-            cameras=CAMERAS, ring="", source_row=0, decisions=ring,
+            place=cast("Any", SimpleNamespace(name="monitor")),
+            bundles=(Path("a.taxel"), Path("b.taxel")), sensor=cast("Any", 0), cameras=CAMERAS,
+            ring="", source_row=0, decisions=ring,
         )  # fmt: skip
         writer = stack.enter_context(RingWriter(ring))
-        self.watcher = cast("Any", inference._watcher(Path("b.taxel"), job, writer, 0))
+        self.watcher = cast("Any", inference._watcher(Path("b.taxel"), job, writer, number))
         self.patience_s: list[float] = []
 
     @property
@@ -165,6 +166,16 @@ def test_a_new_grasp_that_the_supervisor_orders_forgets_the_old_one(rig: Rig):
     notes = rig.take({"do": "new grasp"}, *pair(1.0))
     assert rig.monitor.asked == ["reset", "push 1"]
     assert notes[0] == {"kind": "new grasp", "outcome": ""}
+    assert rig.take({"do": "new grasp", "report": False}) == []  # another process reports it
+
+
+def test_of_two_monitors_on_one_source_the_first_reports_a_grasp(monkeypatch: pytest.MonkeyPatch):
+    with ExitStack() as stack:
+        rig = Rig(stack, monkeypatch, number=1)
+        rig.monitor.begins = True
+        notes = rig.take(*pair(1.0), outcome(1.01, "drop"), {"do": "new grasp"})
+        assert rig.monitor.asked == ["push 1", "over 1.01", "reset"]
+    assert [note["kind"] for note in notes] == ["grasp", "grasp"]
 
 
 def test_a_mark_of_the_hand_in_the_same_file_ends_no_grasp(rig: Rig):

@@ -176,6 +176,9 @@ def _scores(
         "split": None if table is None else table.split,
         "trials": len(trials),
         "unknown": sum(verdict.label == UNKNOWN for verdict in verdicts),
+        "majority": None,
+        "scores": None,
+        "answered_accuracy": None,
         "verdicts": [
             {"trial": t.name, "truth": own, "verdict": v.label, "confidence": v.confidence,
              "reason": v.reason}

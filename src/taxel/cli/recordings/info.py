@@ -142,6 +142,7 @@ def _print_recording(row: dict[str, Any], *, everything: bool) -> None:
 
 
 def _print_folder(path: Path, rows: list[dict[str, Any]], *, everything: bool) -> None:
+    rows = sorted(rows, key=lambda row: by_numbers(Path(row["path"]).name))
     console.print(_folder_table(rows[: None if everything else _RECORDINGS]))
     if not everything and len(rows) > _RECORDINGS:
         say(f"and {number_of(len(rows) - _RECORDINGS, 'more recording')} (--all)")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -121,7 +121,8 @@ class Split:
             )
             target, dataset, split = recipe.target, opened.dataset, opened.split
         rows = 0 if self.output is None else write_split(self.output, dataset, split)
-        return summary_of(dataset, target, split), rows
+        notes = () if self.folds else split.notes  # a table's own have lines of their own
+        return replace(summary_of(dataset, target, split), notes=notes), rows
 
     def _of_cameras(self, work: LongWork) -> tuple[SplitSummary, int]:
         """Return the split of camera trials, and how many rows of it were written."""

@@ -41,7 +41,12 @@ class Models:
         console.print(_recipes_table())
 
     def _rows(self) -> list[dict[str, Any]]:
-        """Return what is known of each model, as --json prints it."""
+        """Return what is known of each model, as --json prints it.
+
+        Networks are built without memory for their numbers: the largest would need 50 GB.
+        """
+        import torch
+
         from taxel.models.catalogue import MODELS, Network, count_parameters
         from taxel.models.transition import TRANSITION_MODELS
 
@@ -50,7 +55,9 @@ class Models:
             parameters, kind = None, "baseline"
             if isinstance(model, Network):
                 kind = "network"
-                parameters = count_parameters(model.build(self.steps, self.channels, self.classes))
+                with torch.device("meta"):
+                    network = model.build(self.steps, self.channels, self.classes)
+                parameters = count_parameters(network)
             rows.append(
                 {
                     "name": name,

@@ -48,8 +48,7 @@ class Tune:
     """Trials (settings tried) in each search, pruned ones included."""
     settings: tuple[str, ...] | None = None
     """Settings to search, of learning-rate, epochs, batch, weight-decay, label-smoothing, noise,
-    gain and offset; all but batch and offset unless given. A setting that another option fixes is
-    not searched."""
+    gain and offset; all but batch and offset unless given, and without epochs beside --epochs."""
     models: tuple[str, ...] = ()
     """Names of the networks to choose among; the recipe's own unless given."""
     split: str | None = None
@@ -72,6 +71,12 @@ class Tune:
     RULES: ClassVar = (
         Only(("fold-count",), "an outer score (no --no-check)", lambda o: o.check),
         OWN_FOLD_COUNT,
+        Only(
+            ("epochs",),
+            "--settings without epochs",
+            lambda o: "epochs" not in (o.settings or ()),
+            against=lambda o: "epochs in --settings",
+        ),
     )
 
     def run(self) -> None:

@@ -63,7 +63,10 @@ def order_of(touch: TouchSet) -> Order | None:
 
 
 def recorded_order(touch: TouchSet) -> Order | None:
-    """Return the order of recording; None if unknown."""
+    """Return the order of recording; None if unknown.
+
+    A trial's time counts from where its own recording's clock does: it orders trials of one.
+    """
     several = len({trial.recording for trial in touch.trials}) < len(touch)
     known = all(touch.created) and len(set(touch.created)) > 1
     how = "the order of recording"
@@ -79,8 +82,6 @@ def recorded_order(touch: TouchSet) -> Order | None:
             return None
         with suppress(ValueError):
             return Order(places=as_numbers(values), how=f"the group {key}", key=key)
-    if several:
-        return Order(places=np.array([trial.start_s for trial in touch.trials]), how=how)
     return None
 
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from taxel.bundles.contract import fingerprint_of
 from taxel.bundles.trials import TrialContract
+from taxel.recordings.imports.spelling import by_numbers
 from taxel.windows.camera_trials import CameraTrial
 
 
@@ -22,7 +23,7 @@ def fingerprints(trials: Sequence[CameraTrial]) -> tuple[str, ...]:
 
 
 def trained_on(contract: TrialContract, trials: Sequence[CameraTrial]) -> tuple[str, ...]:
-    """Return the names of the trials that a bundle was trained on, sorted.
+    """Return the names of the trials that a bundle was trained on, 1000 behind 101.
 
     Empty for an older bundle, which does not say what it was trained on.
 
@@ -30,7 +31,8 @@ def trained_on(contract: TrialContract, trials: Sequence[CameraTrial]) -> tuple[
         BadTable: A video cannot be read.
     """
     known = set(contract.learned)
-    return tuple(sorted(trial.name for trial in trials if known and _among(trial, known)))
+    names = (trial.name for trial in trials if known and _among(trial, known))
+    return tuple(sorted(names, key=by_numbers))
 
 
 def _among(trial: CameraTrial, known: set[str]) -> bool:

@@ -20,6 +20,7 @@ from taxel.labels.trials import Trial
 from taxel.plain_text import number_of
 from taxel.recordings.reader import iterate_blocks, list_recordings
 from taxel.recordings.summary import recorded_s, summarise
+from taxel.windows.config import MOST_RATE_CHANGE
 
 _UNITS = {
     *("c", "k", "pct", "ppm", "pf", "v", "mv", "a", "ma", "s", "ms", "hz", "n", "mm", "um", "g"),
@@ -124,12 +125,14 @@ def _sensors(rows: list[dict[str, Any]]) -> dict[str, str]:
     for row in rows:
         if row["channels"] and row["sensor"]["name"] not in found:
             units = ", ".join(sorted({channel["unit"] for channel in row["channels"]}))
-            measured = [r["rate_hz"] for r in rows if r["channels"] and r["rate_hz"]
-                        and r["sensor"]["name"] == row["sensor"]["name"]]  # fmt: skip
-            rate = f"{np.median(measured):.4g} scans/s measured" if measured else "rate unknown"
+            own = [
+                r for r in rows if r["channels"] and r["sensor"]["name"] == row["sensor"]["name"]
+            ]
+            measured = [r["rate_hz"] for r in own if r["rate_hz"]]
+            rate = f"{_rate(measured, 4)} scans/s measured" if measured else "rate unknown"
             found[row["sensor"]["name"]] = (
                 f"{number_of(len(row['channels']), 'channel')} in {units}, {rate}, "
-                f"{row['sensor']['rate_hz']:g} nominal"
+                f"{_rate([r['sensor']['rate_hz'] for r in own], 6)} nominal"
             )
         for camera in row["cameras"]:
             measured = [
@@ -141,6 +144,15 @@ def _sensors(rows: list[dict[str, Any]]) -> dict[str, str]:
                 f"camera {camera['name']}", f"{camera['width']}×{camera['height']} px, {rate}"
             )
     return found
+
+
+def _rate(rates_hz: Sequence[float], digits: int) -> str:
+    """Return the usual rate of recordings; the range of rates too unlike for one sensor's own."""
+    low, high = min(rates_hz), max(rates_hz)
+    shown = (low, high) if high > MOST_RATE_CHANGE * low else (np.median(rates_hz),)
+    return " to ".join(
+        np.format_float_positional(rate, digits, fractional=False, trim="-") for rate in shown
+    )
 
 
 def _details(rows: list[dict[str, Any]]) -> dict[str, str]:

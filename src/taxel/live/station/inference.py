@@ -31,7 +31,7 @@ from taxel.live.rate_watch import RateChange
 from taxel.live.recogniser import Answer, Recogniser
 from taxel.live.station.beats import Work
 from taxel.live.station.drill_head import FixedHead
-from taxel.live.station.packets import Packet, pack, unpack
+from taxel.live.station.packets import Packet, asks, ends_grasp, pack, unpack
 from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.worker import Place, Pulse, Rank, at_work, settle_memory
 from taxel.models.devices import CPU
@@ -139,6 +139,8 @@ class _GraspWatcher:
         self._sent_s = -math.inf
         self._mute = False
         self._skipped = 0
+        # Two that watch one source hear of the same grasps: the first of them reports each.
+        self._reports = not any(map(is_grasp_bundle, job.bundles[:number]))
         stability = bundle.contract.stability
         self._is_score = not bundle.contract.gives_probability
         self.what = {
@@ -156,15 +158,17 @@ class _GraspWatcher:
                 found = self._pairer.push(packet)
                 if found is not None:
                     sets.append(found)
-            elif _ends_grasp(packet) or _asks(packet, "new grasp"):
+            elif ends_grasp(packet):
                 self._watch(sets, came, pulse)
                 sets = []
-                outcome = packet.labels.get("outcome", "") if isinstance(packet, Mark) else ""
-                self._writer.put(pack({"kind": "new grasp", "outcome": outcome}))
-                if isinstance(packet, Mark):
-                    self._say(self._monitor.over(packet.end_s, came["taken_s"]), monotonic())
-                else:
-                    self._monitor.reset()
+                self._report_grasp(packet.labels["outcome"])
+                self._say(self._monitor.over(packet.end_s, came["taken_s"]), monotonic())
+            elif asks(packet, "new grasp"):
+                self._watch(sets, came, pulse)
+                sets = []
+                if packet.get("report", True):
+                    self._report_grasp()
+                self._monitor.reset()
             elif isinstance(packet, Mark) and "reaction" in packet.labels:
                 reaction = {"what": packet.labels["reaction"], "time_s": packet.start_s}
                 self._writer.put(pack({"kind": "reaction", **reaction}))
@@ -193,6 +197,11 @@ class _GraspWatcher:
         if changed or now_s - self._sent_s >= _AGAIN_S:
             self._say(decision, now_s)
 
+    def _report_grasp(self, outcome: str = "") -> None:
+        """Send that a new grasp begins, and what came of the one before, where that is known."""
+        if self._reports:
+            self._writer.put(pack({"kind": "new grasp", "outcome": outcome}))
+
     def _say(self, decision: StabilityDecision, now_s: float) -> None:
         """Send a decision that no frames gave, taken now."""
         self._state, self._why = decision.state, kind_of(decision.reason)
@@ -207,7 +216,7 @@ class _GraspWatcher:
             answer = self._monitor.push(found, began_s, came["taken_s"])
             decision = answer.decision
             if answer.began:
-                self._writer.put(pack({"kind": "new grasp"}))
+                self._report_grasp()
             self._state, self._why = decision.state, kind_of(decision.reason)
             times: dict[str, Any] = {
                 "time_s": found.time_s,
@@ -259,7 +268,7 @@ class _RecogniseWatcher:
         """Answer each window that the scans complete."""
         for packet in packets:
             # A padded window of a grasp comes after its mark, and is still of that contact.
-            if (_ends_grasp(packet) and not self._padded) or _asks(packet, "new grasp"):
+            if (ends_grasp(packet) and not self._padded) or asks(packet, "new grasp"):
                 self._vote.over()
                 self._recogniser.new_touch()
             if not isinstance(packet, Samples):
@@ -370,28 +379,19 @@ def _orders(orders: RingReader, drill: bool, watchers: list[_Watcher]) -> list[P
     """Return the supervisor's orders; a drill's are carried out here."""
     found = [unpack(order) for order in orders.take()]
     for answer in found:
-        if drill and _asks(answer, "hang"):
+        if drill and asks(answer, "hang"):
             while True:
                 pass
         for watcher in watchers if drill else ():
-            if _asks(answer, "nan"):
+            if asks(answer, "nan"):
                 watcher.spoil()
-            elif _asks(answer, "give") and isinstance(answer, dict):
+            elif asks(answer, "give"):
                 watcher.spoil(float(answer["p"]))
-            elif _asks(answer, "mute") and isinstance(answer, dict):
+            elif asks(answer, "mute"):
                 watcher.mute(bool(answer["on"]))
     return found
-
-
-def _ends_grasp(packet: Packet) -> bool:
-    """True for a mark that holds a grasp's outcome; a hand's marks in the same file do not."""
-    return isinstance(packet, Mark) and "outcome" in packet.labels
 
 
 def _number(value: float) -> float | None:
     """Return a number as JSON has it: None in place of NaN."""
     return None if math.isnan(value) else value
-
-
-def _asks(packet: Packet, what: str) -> bool:
-    return isinstance(packet, dict) and packet.get("do") == what

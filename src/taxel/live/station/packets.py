@@ -9,11 +9,12 @@ import json
 import struct
 from collections.abc import Iterable
 from dataclasses import asdict
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.live import frame_loop
 from taxel.plain_text import number_of
 from taxel.signals import Frame, Mark, Samples
 
@@ -71,6 +72,16 @@ def notes_of(contents: Iterable[bytes]) -> list[dict[str, Any]]:
         ValueError: The bytes of one are no packet.
     """
     return [note for note in map(unpack, contents) if isinstance(note, dict)]
+
+
+def ends_grasp(packet: Packet) -> TypeGuard[Mark]:
+    """True for a mark that holds a grasp's outcome; a hand's marks in the same file do not."""
+    return isinstance(packet, Mark) and frame_loop.ends_grasp(packet)
+
+
+def asks(packet: Packet, what: str) -> TypeGuard[dict[str, Any]]:
+    """True for a note that orders this to be done."""
+    return isinstance(packet, dict) and packet.get("do") == what
 
 
 def _unpack(content: bytes) -> Packet:

@@ -38,7 +38,7 @@ from taxel.live.station.recorder_link import RecorderLink
 from taxel.live.station.ring import RingReader, RingWriter, wait_for_any
 from taxel.live.station.shared import sweep
 from taxel.live.station.snapshots import Latencies, consumer_snapshot, guard_snapshot
-from taxel.live.station.wiring import StationConfig, Wiring
+from taxel.live.station.wiring import StationConfig, Wiring, begin_grasp
 from taxel.live.station.worker import Place, hurry, settle_memory
 
 TICK_S = 0.001
@@ -152,8 +152,7 @@ class Station:
 
     def new_grasp(self) -> None:
         """Announce to every monitor that the next moments are a new grasp's settled first ones."""
-        for monitor in self.wiring.monitors:
-            monitor.to.put(pack({"do": "new grasp"}))
+        begin_grasp(self.wiring.monitors)
 
     def drive(self, actuator: Actuator) -> None:
         """Give each tick's order to one more actuator, which is connected."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from taxel.live.station.acquisition import Acquisition, acquire
 from taxel.live.station.fitting import misfit, read_own_contract
 from taxel.live.station.guard import GuardConfig
 from taxel.live.station.inference import Inference, infer
+from taxel.live.station.packets import pack
 from taxel.live.station.page_link import PageSeen, ViewConfig
 from taxel.live.station.processes import ProcessGroup, Worker
 from taxel.live.station.recorder_link import RECORDER
@@ -111,6 +112,14 @@ class MonitorLink:
     def watchers(self) -> list[str]:
         """Names of those that watch a grasp."""
         return [entry["who"] for entry in self.bundles if entry["kind"] == "grasp"]
+
+
+def begin_grasp(monitors: Sequence[MonitorLink]) -> None:
+    """Order every monitor to begin a new grasp; the first process that watches one reports it."""
+    first = next((monitor for monitor in monitors if monitor.watches), None)
+    for monitor in monitors:
+        quiet = {} if monitor is first else {"report": False}
+        monitor.to.put(pack({"do": "new grasp", **quiet}))
 
 
 class Wiring:

@@ -6,9 +6,11 @@ Knows nothing about recordings or how runs were trained.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isnan
 
+from taxel.evaluation.intervals import all_alike
 from taxel.evaluation.paired import Paired
-from taxel.evaluation.run_scores import RunScores, beside_baselines, only_one
+from taxel.evaluation.run_scores import RunScores, beside_baselines, few_groups, only_one
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, TASKS
 from taxel.plain_text import noun_of, number_of, several
 from taxel.training.curves import Curve
@@ -58,7 +60,8 @@ def accuracies(
     ]
     dots += [Dot(name, value, colour="var(--grey)") for name, value in trivial.items()]
     group = judged[next(iter(runs))].group
-    notes = dict.fromkeys(_lone(judged[name]) for name in runs)
+    own = [judged[name] for name in runs]
+    notes = dict.fromkeys([*map(_few, own), *map(_lone, own)])
     rows = [_accuracy_row(name, run, judged[name]) for name, run in runs.items()]
     rows += [[name, "", percent(value), "", "", "", "", "", ""] for name, value in trivial.items()]
     return join(
@@ -114,6 +117,15 @@ def _accuracy_row(name: str, run: Run, judged: RunScores) -> list[object]:
         number(scores.f1, 3),
         f"{parameters:,}" if parameters else "–",
     ]
+
+
+def _few(judged: RunScores) -> str | None:
+    """Return a warning on an interval of so few groups that it is too narrow, if it is one."""
+    interval = judged.intervals[judged.group]
+    if isnan(interval.low) or all_alike((interval.low, interval.high)):
+        return None
+    note = few_groups(judged.group, interval.groups)
+    return note and f"{note}."
 
 
 def _lone(judged: RunScores) -> str | None:

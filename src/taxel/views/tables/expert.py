@@ -16,6 +16,7 @@ from taxel.evaluation.intervals import all_alike
 from taxel.evaluation.nested import Nested
 from taxel.evaluation.run_scores import (
     blind_baselines,
+    few_groups,
     least_of_all_right,
     only_one,
     unnamed_line,
@@ -133,6 +134,9 @@ def nested_table(nested: Nested) -> RenderableType:
         hidden = ", ".join(blind)
         text = f"baselines not shown, because they carry no information here: {hidden}"
         lines.append(Text(text, style="dim"))
+    if not isnan(interval.low) and not all_alike((interval.low, interval.high)):
+        few = few_groups(scores.group, interval.groups)
+        lines += [Text(visible_line(few), style="yellow")] if few else []
     if note := only_one(scores.lone, scores.group):
         lines.append(Text(visible_line(note), style="yellow"))
     if nested.warning:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from taxel.evaluation.fold_summary import FoldSummary, SplitSummary
 from taxel.evaluation.table_split import MOST_KNOWN
 from taxel.labels.trials import TIME, as_numbers
-from taxel.plain_text import number_of, visible, visible_names
+from taxel.plain_text import number_of, visible, visible_line, visible_names
 
 
 def split_lines(found: SplitSummary) -> list[str]:
@@ -20,6 +20,7 @@ def split_lines(found: SplitSummary) -> list[str]:
     if found.left_out:
         stand = "stands" if found.left_out == 1 else "stand"
         lines.append(f"note: {found.left_out} of {total} {stand} on no side: left out")
+    lines += [f"note: {visible_line(note)}" for note in found.notes]
     for fold in found.folds:
         lines += _fold_lines(fold, found)
     return lines
