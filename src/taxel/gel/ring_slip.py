@@ -88,7 +88,7 @@ def ring_weights(far: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     knots = np.array([*RINGS, _END])
     place = np.interp(far, knots, np.arange(len(knots)), right=len(knots) - 1)
-    return np.clip(1.0 - np.abs(place - np.arange(len(RINGS))[:, None]), 0.0, 1.0)
+    return np.asarray(np.clip(1.0 - np.abs(place - np.arange(len(RINGS))[:, None]), 0.0, 1.0))
 
 
 def _share(

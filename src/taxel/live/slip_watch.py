@@ -185,7 +185,7 @@ class SlipWatch:
             self._rim.push(pair, float(rim), float(slip), time_s)
         rings = np.mean([follower.rings for follower in self._followers], axis=0)
         every = np.concatenate([pair, self._rim.features, rings.astype(np.float32)])
-        return every[: self._columns]
+        return np.asarray(every[: self._columns], np.float32)
 
     def _is_exchanged(self, camera: int, image: Rgb, taken_s: float) -> bool:
         """Return whether a camera's images are not those of this grasp; nothing is followed then.

@@ -8,7 +8,7 @@ Source: docs/decisions/0037.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -91,7 +91,7 @@ def _render(folder: Path, cup: int, gel: Gel, others: bool) -> None:
         keep_runs(path, runs, lambda these: seen_pours(these, gel))
 
 
-def _files(folder: Path, cup: int, gel: Gel, others: bool) -> list[tuple[Path, Sequence[PourRun]]]:
+def _files(folder: Path, cup: int, gel: Gel, others: bool) -> list[tuple[Path, list[PourRun]]]:
     """Return where the poses of a cup's pours are kept, and what is tried."""
     version = "" if gel == 1 else "-gel-2"
     files = [

@@ -53,7 +53,7 @@ def _rings(found: PourFeatures) -> NDArray[np.float32]:
     """Return the rings' columns of the images that the gels show at each row, their mean."""
     first = np.searchsorted(found.at, np.arange(len(found.rows)))
     shown = [gel.rings[gel.shown[first]] for gel in found.pour.gels]
-    return np.mean(shown, axis=0).astype(np.float32)
+    return np.asarray(np.mean(shown, axis=0), np.float32)
 
 
 def _features(inside: PourRows, rim: PourRows) -> PourFeatures:
