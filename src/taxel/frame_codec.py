@@ -92,6 +92,18 @@ def decode_frame(image: bytes, camera: CameraInfo) -> NDArray[np.uint8]:
     return decode_still(image)
 
 
+def scaled_down(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    """Return an image with so many pixels: as it is where it has them already.
+
+    Args:
+        rgb: Shape (height, width, 3).
+        size: Width and height, not larger than the image's.
+    """
+    if (rgb.shape[1], rgb.shape[0]) == size:
+        return rgb
+    return np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
 def encode_png(rgb: NDArray[np.uint8]) -> bytes:
     """Return an image as PNG, lossless.
 

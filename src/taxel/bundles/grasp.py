@@ -61,6 +61,13 @@ SLIP_COLUMNS = {SLIP: len(PAIR_FEATURES), SLIP_RIM: len(WITH_RIM)}
 """What watches slip → how many columns its windows have."""
 OWN_FEATURES = (GEL, *SLIP_COLUMNS)
 """What needs no backbone."""
+SLIP_RATES_HZ = (18.0, 75.0)
+"""Frames a second of cameras in which slip is watched. What is learned assumes 25 images a second;
+at 25 sets a second warnings are level with those at 60, at 12.5 late. Source: training cups,
+docs/decisions/0036."""
+_ASPECT = 0.02
+"""By how much the ratio of an image's sides may differ from the learned one's where it is scaled:
+GelSight Minis give 3280×2464, too. Source: our choice, docs/decisions/0036."""
 _MOST_CAMERAS, _MOST_FRAMES, _LARGEST_SIDE = 16, 10_000, 8192
 """Bounds of what a contract may say. Source: our choice."""
 _MEMBERS = ("grasp.json", "head.onnx", "check_features.npy", "check_probabilities.npy")
@@ -126,18 +133,44 @@ class GraspContract:
                 "name them to the source in that order",
             )  # fmt: skip
         for camera in cameras:
-            if (camera.width, camera.height) != (self.width, self.height):
-                raise BadBundle(
-                    f"frames of {self.width}×{self.height}", f"{camera.width}×{camera.height} from "
-                    f"{camera.name!r}", "let the camera send that size (width and height in its "
-                    "address), or train a monitor on recordings of it: taxel train-monitor",
-                )  # fmt: skip
-            if not RATE_RANGE[0] <= camera.rate_hz / self.rate_hz <= RATE_RANGE[1]:
-                raise BadBundle(
-                    f"about {self.rate_hz:g} frames/s", f"{camera.rate_hz:g} from {camera.name!r}",
-                    "let the camera send that many, or train a monitor on recordings of this rate: "
-                    "taxel train-monitor",
-                )  # fmt: skip
+            self._check_size(camera)
+            self._check_rate(camera)
+
+    def settle_of(self, cameras: tuple[CameraInfo, ...]) -> slice:
+        """Return which sets of frames are the settled grasp, for slip by the cameras' rate."""
+        first, stop = self.settle
+        if self.features in SLIP_COLUMNS:
+            faster = min(camera.rate_hz for camera in cameras) / self.rate_hz
+            first = round(first * faster)
+            stop = max(round(stop * faster), first + 1)
+        return slice(first, stop)
+
+    def _check_size(self, camera: CameraInfo) -> None:
+        needed, fits = "", (camera.width, camera.height) == (self.width, self.height)
+        if self.features in SLIP_COLUMNS:
+            needed = ", or larger ones of that shape"
+            shape = camera.width / camera.height / (self.width / self.height)
+            fits = camera.width >= self.width and abs(shape - 1) <= _ASPECT
+        if not fits:
+            raise BadBundle(
+                f"frames of {self.width}×{self.height}{needed}",
+                f"{camera.width}×{camera.height} from {camera.name!r}",
+                "let the camera send that size (width and height in its address), or train a "
+                "monitor on recordings of it: taxel train-monitor",
+            )  # fmt: skip
+
+    def _check_rate(self, camera: CameraInfo) -> None:
+        needed = f"about {self.rate_hz:g} frames/s"
+        least, most = (share * self.rate_hz for share in RATE_RANGE)
+        if self.features in SLIP_COLUMNS:
+            least, most = SLIP_RATES_HZ
+            needed = f"{least:g} to {most:g} frames/s"
+        if not least <= camera.rate_hz <= most:
+            raise BadBundle(
+                needed, f"{camera.rate_hz:g} from {camera.name!r}",
+                "let the camera send that many, or train a monitor on recordings of this rate: "
+                "taxel train-monitor",
+            )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,9 +18,9 @@ from taxel.bundles.grasp import SLIP_COLUMNS, SLIP_RIM, GraspBundle
 from taxel.decisions.reasons import REASONS
 from taxel.decisions.stability import StabilityConfig, StabilityDecision, StabilityMonitor
 from taxel.errors import BadSource
-from taxel.frame_codec import decode_jpeg
 from taxel.gel.slip_features import SlipFeatures
 from taxel.gel.slip_signal import Slip
+from taxel.live.camera_eye import CameraEye
 from taxel.live.camera_health import CameraHealth
 from taxel.live.grasp_starts import GraspStarts
 from taxel.live.slip_watch import SlipWatch, taken_of
@@ -78,7 +78,10 @@ class GraspMonitor:
         self.bundle = bundle
         # Repeated frames repeat their probability; frozen input is recognised by the bytes.
         self._config = replace(config or bundle.contract.stability, frozen_s=float("inf"))
-        self._settle = slice(*bundle.contract.settle)
+        self._settle = bundle.contract.settle_of(cameras)
+        self._rate_hz = bundle.contract.rate_hz
+        if bundle.contract.features in SLIP_COLUMNS:
+            self._rate_hz = min(camera.rate_hz for camera in cameras)
         self._cameras = cameras
         self._health = CameraHealth(cameras)
         self._watched = False
@@ -104,7 +107,8 @@ class GraspMonitor:
         if contract.features in SLIP_COLUMNS:
             rim = contract.features == SLIP_RIM
             self._watch = SlipWatch(self._cameras, self._settle, rim)
-        self._eyes = [_Eye(camera) for camera in self._cameras]
+        size = contract.width, contract.height
+        self._eyes = [CameraEye(camera, size) for camera in self._cameras]
         self._fresh: set[int] = set()
         self._over = False
         self._slips: list[SlipFeatures] | None = None
@@ -243,9 +247,9 @@ class GraspMonitor:
             early = max(len(self._early), len(self._early_rows))
             early = early if self._watch is None else self._watch.waiting
             left = max(self._settle.stop, contract.frames) - early
-            return REASONS["settling"].say(left_s=max(0, left) / contract.rate_hz)
+            return REASONS["settling"].say(left_s=max(0, left) / self._rate_hz)
         left = contract.frames - len(self._ring)
-        return REASONS["window"].say(left_s=left / contract.rate_hz)
+        return REASONS["window"].say(left_s=left / self._rate_hz)
 
     def _look(self, found: FrameSet) -> tuple[tuple[NDArray[np.uint8], ...], list[int]]:
         """Return the images, and which cameras show another one than those returned before."""
@@ -364,33 +368,3 @@ class GraspMonitor:
         tare = self.bundle.contract.tare
         change = compared(rows, rest) if tare == "local-size" else seen(rows, rest, tare)
         return np.asarray((change - self.bundle.offset) * self.bundle.factor, np.float32)
-
-
-class _Eye:
-    """What one camera showed last."""
-
-    def __init__(self, camera: CameraInfo) -> None:
-        self._camera = camera
-        self.image: NDArray[np.uint8] | None = None
-        self._jpeg = b""
-
-    def differs(self, jpeg: bytes) -> bool:
-        """Return whether a frame differs from the one before."""
-        return jpeg != self._jpeg
-
-    def see(self, jpeg: bytes) -> None:
-        """Take in a frame.
-
-        Raises:
-            BadSource: It cannot be decoded, or is not such as this camera sends; the one before
-                is kept.
-        """
-        try:
-            self.image = decode_jpeg(jpeg, self._camera)
-        except BadSource as error:
-            why = f"needed {error.needed}; got {error.got}"
-            raise BadSource(
-                error.needed, REASONS["bad image"].say(camera=self._camera.name, why=why),
-                error.mend,
-            ) from error  # fmt: skip
-        self._jpeg = jpeg

@@ -1,8 +1,9 @@
 """Slip from the cameras of one grasp, moment by moment: images in, slip and its features out.
 
 The first moments are the settled grasp, against which all later ones are seen; they wait until
-it is over and are then gone through in order. An image that a camera shows again changes
-nothing. Adds no maths of its own. Knows nothing about models, decisions or screens.
+it is over and are then gone through in order. An image that a camera shows again changes nothing,
+nor does one that comes sooner than what is learned assumes. Adds no maths of its own. Knows nothing
+about models, decisions or screens.
 """
 
 from __future__ import annotations
@@ -25,6 +26,10 @@ from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet
 from taxel.windows.rest import SETTLE
 
+_SOONEST_S = 0.025
+"""A camera's images that come sooner than this after the last that was followed are left out: rates
+over so many images are learned from 25 a second, which come at least 0.033 s apart. Source: our
+choice, docs/decisions/0036."""
 _Known = tuple[TouchFollower, GelSlip, NDArray[np.float64], RimSlip | None]
 """What is known of a gel, and of the rims of all: follower, slip, its rim's turns, the rims."""
 
@@ -61,6 +66,8 @@ class SlipWatch:
         """Turn of each gel's rim, and of the object less the rim, as sizes."""
         self._taken_s: tuple[float, ...] = (math.nan,) * len(cameras)
         """When the newest images were taken."""
+        self._followed_s = [math.nan] * len(cameras)
+        """At which moment an image of each was followed last."""
         self._missed = [False] * len(cameras)
         """Whether no slip was measured in the newest image."""
 
@@ -148,11 +155,14 @@ class SlipWatch:
     def _step(
         self, images: tuple[Rgb, ...], taken_s: Sequence[float], time_s: float
     ) -> NDArray[np.float32]:
+        shown = list(self._shown or images)
         fresh = False
         for camera, image in enumerate(images):
-            if self._shown and image is self._shown[camera]:
+            again = bool(self._shown) and image is shown[camera]
+            if again or 0 < time_s - self._followed_s[camera] < _SOONEST_S:
                 continue
             fresh = True
+            shown[camera], self._followed_s[camera] = image, time_s
             if self._is_exchanged(camera, image, taken_s[camera]):
                 continue
             pose = self._followers[camera].follow(image)
@@ -165,7 +175,7 @@ class SlipWatch:
                 rim_rad = float(self._followers[camera].rim()[2])
                 if not self._missed[camera]:
                     self._rim_rad[camera] = abs(rim_rad), abs(float(pose.object[2]) - rim_rad)
-        self._shown, self._taken_s = images, tuple(taken_s)
+        self._shown, self._taken_s = tuple(shown), tuple(taken_s)
         pair = self._pair.features()
         if self._rim is None:
             return pair

@@ -130,7 +130,7 @@ def watch(
             [int(Stability.UNKNOWN)] * 2,
         )
     time_s, decided = np.array(times), np.array(states, np.int8)
-    first = max(bundle.contract.settle[1], bundle.contract.frames)
+    first = max(bundle.contract.settle_of(pour.cameras).stop, bundle.contract.frames)
     judged = time_s >= pour.time_s[min(first, len(pour) - 1)]
     true = truth_labels(pour, bundle.contract.rule)
     place = np.searchsorted(pour.time_s, time_s + 1e-6, side="right") - 1
