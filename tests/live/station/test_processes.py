@@ -161,9 +161,9 @@ def test_in_a_drill_a_process_is_started_however_often_it_dies(
 
 @pytest.mark.parametrize("patient", [False, True])
 def test_a_process_that_may_run_once_is_given_up_at_its_first_death(rig: Rig, patient: bool):
-    crew = Rig(rig.beats, rig.clock, patient=patient)
-    worker = crew.processes.add("source", lambda _: None, lambda place: place, once=True)
-    assert not crew.processes.again(worker)
+    dummies = Rig(rig.beats, rig.clock, patient=patient)
+    worker = dummies.processes.add("source", lambda _: None, lambda place: place, once=True)
+    assert not dummies.processes.again(worker)
     assert (worker.given_up, worker.starts) == (True, 1)
     assert rig.beats.read(worker.row).work is Work.FAILED
 
