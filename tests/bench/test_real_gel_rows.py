@@ -1,7 +1,5 @@
 """Rows on real gels: alarms by trial, of those that slip and of those that hold."""
 
-import pytest
-
 from taxel.bench.transitions.real_gels import (
     WARNINGS,
     RealTrial,
@@ -39,10 +37,3 @@ def test_without_recordings_there_is_no_value(tmp_path):
         rows = real_gel_rows(data)
         assert [row.value for row in rows] == [None] * len(WARNINGS)
         assert rows[0].note == "no recordings: name their folder with --data"
-
-
-@pytest.mark.parametrize("missing", ["slip", "hold"])
-def test_shares_name_what_they_are_of(missing):
-    trials = [trial(n, slips=n < 10, alarm=True, largest=0.5) for n in range(20)]
-    names = [row.name for row in judge_rows(trials)]
-    assert sum(f"trials that {missing} with an alarm" in name for name in names) == len(WARNINGS)

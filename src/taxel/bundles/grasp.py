@@ -138,12 +138,14 @@ class GraspContract:
 
     def settle_of(self, cameras: tuple[CameraInfo, ...]) -> slice:
         """Return which sets of frames are the settled grasp, for slip by the cameras' rate."""
-        first, stop = self.settle
-        if self.features in SLIP_COLUMNS:
-            faster = min(camera.rate_hz for camera in cameras) / self.rate_hz
-            first = round(first * faster)
-            stop = max(round(stop * faster), first + 1)
-        return slice(first, stop)
+        faster = self.rate_of(cameras) / self.rate_hz
+        first = round(self.settle[0] * faster)
+        return slice(first, max(round(self.settle[1] * faster), first + 1))
+
+    def rate_of(self, cameras: tuple[CameraInfo, ...]) -> float:
+        """Return the sets of frames a second: for slip the cameras' own, else `rate_hz`."""
+        slip = self.features in SLIP_COLUMNS
+        return min(camera.rate_hz for camera in cameras) if slip else self.rate_hz
 
     def _check_size(self, camera: CameraInfo) -> None:
         needed, fits = "", (camera.width, camera.height) == (self.width, self.height)
