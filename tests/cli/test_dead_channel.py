@@ -10,19 +10,27 @@ from taxel.bundles.reader import read_bundle
 from taxel.cli.main import main
 
 
-def _set(folder: Path, *, dead: bool = False, hangs: bool = False, gain: float = 1.0) -> Path:
-    """Presses of two strengths in each of four sessions, 50 scans a second, 20 s each."""
+def _set(
+    folder: Path,
+    *,
+    dead: bool = False,
+    hangs: bool = False,
+    gain: float = 1.0,
+    rows: int = 1000,
+    count: int = 8,
+) -> Path:
+    """Presses of two strengths, two a session, 50 scans a second, 20 s each."""
     folder.mkdir()
     rng = np.random.default_rng(int(dead))
     lines = ["file,label:level,group:session,channels,time"]
-    for n in range(8):
+    for n in range(count):
         press = np.sin(np.linspace(0, 100 * np.pi, 1000))[:, None] * (2.0, 10.0)[n % 2]
         values = gain * (press + rng.normal(0.0, 0.5, (1000, 3)))
         if dead:
             values[:, 1] = 0.25
         if hangs:
             values[500:] = values[500]
-        np.savetxt(folder / f"t{n}.csv", values, delimiter=",")
+        np.savetxt(folder / f"t{n}.csv", values[:rows], delimiter=",")
         lines.append(f"t{n}.csv,{('2', '10')[n % 2]},s{n // 2},1[N] 2[N] 3[N],rate:50Hz")
     (folder / "table.csv").write_text("\n".join(lines) + "\n")
     main(["import", str(folder / "table.csv"), "--output", str(folder / "set")])
@@ -55,6 +63,21 @@ def test_live_names_it_once_on_the_error_stream_and_in_json(
     assert (still["channel"], still["changed"]) == ("2", 1.0)
     assert captured.err.count("channel 2 has not changed for ") == 1
     assert "in training it changed in every window: check its cable" in captured.err
+
+
+def test_live_names_it_over_recordings_of_a_single_window_each(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    short = _set(tmp_path / "short", dead=True, rows=20, count=24)
+    capsys.readouterr()
+
+    main(["live", str(bundle), f"replay://{short}?speed=max", "--json"])
+    captured = capsys.readouterr()
+
+    (result,) = json.loads(captured.out)
+    assert result["windows"] == 24
+    assert [still["channel"] for still in result["still_channels"]] == ["2"]
+    assert captured.err.count("channel 2 has not changed for ") == 1
 
 
 def test_nothing_is_said_where_all_channels_move(

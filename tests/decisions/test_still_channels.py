@@ -211,6 +211,32 @@ def test_a_clock_that_was_set_back_begins_the_count_anew() -> None:
     assert (found.windows, found.time_s) == (3, pytest.approx(0.29))
 
 
+@pytest.mark.parametrize("starts_s", [(0.0, 0.0, 0.0), (9.0, 8.95, 2.0), (0.0, 50.0, 99.0)])
+def test_recordings_of_a_single_window_are_counted_together_whatever_their_clocks(
+    starts_s: tuple[float, ...],
+) -> None:
+    watch = StillWatch(motion(), NAMES)
+    for start_s in starts_s:
+        assert watch.take() == []
+        watch.next_recording()
+        own = window(0, (1.0, 0.0))
+        watch.look(replace(own, start_s=own.start_s + start_s, end_s=own.end_s + start_s))
+    (found,) = watch.take()
+    assert (found.channel, found.windows) == ("b", 3)
+    assert found.still_s == pytest.approx(3 * 0.09)  # what lies between them was not watched
+    assert found.time_s == pytest.approx(starts_s[-1] + 0.09)
+
+
+def test_within_the_next_recording_windows_that_overlap_are_not_counted() -> None:
+    watch = StillWatch(motion(), NAMES)
+    assert watch.look(window(0, (1.0, 0.0))) is not None
+    watch.next_recording()
+    watch.next_recording()  # one without a window between
+    looked = [watch.look(window(n, (1.0, 0.0), every_s=0.05)) for n in range(3)]
+    assert [moved is not None for moved in looked] == [True, False, True]
+    assert watch.take()[0].windows == 3
+
+
 def test_values_that_are_missing_are_named_as_such() -> None:
     whole = [window(n, (1.0, 0.0)) for n in range(3)]
     found = first_found(

@@ -69,10 +69,10 @@ OWN_FEATURES = (GEL, *SLIP_COLUMNS)
 SLIP_RATES_HZ = (18.0, 75.0)
 """Frames a second of cameras in which slip is watched. What is learned assumes 25 images a second;
 at 25 sets a second warnings are level with those at 60, at 12.5 late. Source: training cups,
-docs/decisions/0037."""
+docs/decisions/0036."""
 _ASPECT = 0.02
 """By how much the ratio of an image's sides may differ from the learned one's where it is scaled:
-GelSight Minis give 3280×2464, too. Source: our choice, docs/decisions/0037."""
+GelSight Minis give 3280×2464, too. Source: our choice, docs/decisions/0036."""
 _MOST_CAMERAS, _MOST_FRAMES, _LARGEST_SIDE = 16, 10_000, 8192
 """Bounds of what a contract may say. Source: our choice."""
 _MEMBERS = ("grasp.json", "head.onnx", "check_features.npy", "check_probabilities.npy")
@@ -143,12 +143,14 @@ class GraspContract:
 
     def settle_of(self, cameras: tuple[CameraInfo, ...]) -> slice:
         """Return which sets of frames are the settled grasp, for slip by the cameras' rate."""
-        first, stop = self.settle
-        if self.features in SLIP_COLUMNS:
-            faster = min(camera.rate_hz for camera in cameras) / self.rate_hz
-            first = round(first * faster)
-            stop = max(round(stop * faster), first + 1)
-        return slice(first, stop)
+        faster = self.rate_of(cameras) / self.rate_hz
+        first = round(self.settle[0] * faster)
+        return slice(first, max(round(self.settle[1] * faster), first + 1))
+
+    def rate_of(self, cameras: tuple[CameraInfo, ...]) -> float:
+        """Return the sets of frames a second: for slip the cameras' own, else `rate_hz`."""
+        slip = self.features in SLIP_COLUMNS
+        return min(camera.rate_hz for camera in cameras) if slip else self.rate_hz
 
     def _check_size(self, camera: CameraInfo) -> None:
         needed, fits = "", (camera.width, camera.height) == (self.width, self.height)

@@ -169,9 +169,16 @@ class StillWatch:
         self._never_count, self._first_s = 0, 0.0
         self._count = np.zeros(len(channels), np.int64)
         self._since_s = np.zeros(len(channels))
-        self._counting = False
+        self._counting = self._next = False
         self._start_s = self._end_s = -inf
         self._found: list[StillChannel] = []
+
+    def next_recording(self) -> None:
+        """Go on counting in another recording, whose clock need not follow that of the last one.
+
+        What passed between the two is no time in which a channel did not change.
+        """
+        self._next = self._end_s > -inf
 
     def look(self, window: Windows) -> NDArray[np.float32] | None:
         """Take in one window, shape (1, steps, channels), in the order of time.
@@ -181,14 +188,18 @@ class StillWatch:
             overlaps the last one or holds one row only.
         """
         start_s = float(window.start_s[0])
-        if self._start_s <= start_s <= self._end_s:
+        if self._start_s <= start_s <= self._end_s and not self._next:
             return None
         rows = window.values[0]
         if not window.mask.all():
             rows = rows[window.mask[0]]
         if len(rows) < 2:
             return None
-        if start_s < self._start_s:  # a clock was set
+        if self._next:
+            self._next = False
+            self._first_s += start_s - self._end_s
+            self._since_s += start_s - self._end_s
+        elif start_s < self._start_s:  # a clock was set
             self._count[:] = self._never_count = 0
         if not self._never_count:
             self._first_s = start_s

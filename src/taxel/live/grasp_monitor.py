@@ -79,9 +79,7 @@ class GraspMonitor:
         # Repeated frames repeat their probability; frozen input is recognised by the bytes.
         self._config = replace(config or bundle.contract.stability, frozen_s=float("inf"))
         self._settle = bundle.contract.settle_of(cameras)
-        self._rate_hz = bundle.contract.rate_hz
-        if bundle.contract.features in SLIP_COLUMNS:
-            self._rate_hz = min(camera.rate_hz for camera in cameras)
+        self._rate_hz = bundle.contract.rate_of(cameras)
         self._cameras = cameras
         self._health = CameraHealth(cameras)
         self._watched = False

@@ -58,6 +58,8 @@ class Recogniser:
         follower: What follows the level of a session that went on before; a new one unless given,
             where the bundle's levels follow.
         scale: What watched the values of the recordings before; a new one unless given.
+        still: What watched their channels; a new one unless given, where the bundle says how
+            channels changed in training.
 
     Raises:
         BadBundle: The bundle was not made for such an array.
@@ -70,14 +72,16 @@ class Recogniser:
         config: RecogniseConfig | None = None,
         follower: LevelFollower | None = None,
         scale: ScaleWatch | None = None,
+        still: StillWatch | None = None,
     ) -> None:
         bundle.contract.check_sensor(sensor)
         self.bundle = bundle
         self._config = config or RecogniseConfig()
         window = bundle.contract.window
         self._windower = Windower(window, sensor)
-        motion = bundle.contract.motion
-        self._still = None if motion is None else StillWatch(motion, bundle.contract.channels)
+        self._still = still or still_watch_of(bundle.contract)
+        if still is not None:
+            still.next_recording()
         self._scale = scale or scale_watch_of(bundle.contract)
         self._columns = sensor.indices(bundle.contract.channels)
         own = window.grid_hz is None and window.steps > 1 and bundle.contract.rate_hz > 0
@@ -222,6 +226,12 @@ class Recogniser:
             if learning is not None and not quality.frozen:
                 learning.add(measured)
         return answers
+
+
+def still_watch_of(contract: Contract) -> StillWatch | None:
+    """Return what looks for channels that have stopped; None where training's are not known."""
+    motion = contract.motion
+    return None if motion is None else StillWatch(motion, contract.channels)
 
 
 def scale_watch_of(contract: Contract) -> ScaleWatch:

@@ -29,7 +29,7 @@ from taxel.windows.rest import SETTLE
 _SOONEST_S = 0.025
 """A camera's images that come sooner than this after the last that was followed are left out: rates
 over so many images are learned from 25 a second, which come at least 0.033 s apart. Source: our
-choice, docs/decisions/0037."""
+choice, docs/decisions/0036."""
 _Known = tuple[TouchFollower, GelSlip, NDArray[np.float64], RimSlip]
 """What is known of a gel, and of the rims of all: follower, slip, its rim's turns, the rims."""
 

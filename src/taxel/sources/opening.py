@@ -123,6 +123,15 @@ def recordings_of(url: str) -> list[str]:
     ]
 
 
+def is_replay(url: str) -> bool:
+    """Return whether an address replays recordings, whose reading always begins at their start.
+
+    Raises:
+        BadSource: The address is wrong.
+    """
+    return _split(url)[0] == "replay"
+
+
 def replayed_files(url: str) -> list[Path]:
     """Return the recordings that an address replays; none for another source.
 

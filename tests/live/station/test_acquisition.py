@@ -7,6 +7,7 @@ import os
 import signal
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 from typing import Any, cast
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 from station_rig import WAIT_S, until
 
-from taxel.errors import BadSource
+from taxel.errors import BadRecording, BadSource
 from taxel.live.station import acquisition
 from taxel.live.station.acquisition import Acquisition, acquire
 from taxel.live.station.beats import Beats, Work
@@ -27,6 +28,7 @@ from taxel.live.station.wiring import StationConfig, _check_pace
 from taxel.live.station.worker import Place, Pulse
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sources.boards.emulation import EmulatedBoard, RunningBoard
+from taxel.sources.opening import is_replay
 
 CONTEXT = multiprocessing.get_context("spawn")
 HAND = SensorInfo(name="hand", channels=("a",), units=("V",), rate_hz=100.0)
@@ -44,6 +46,7 @@ class Cup:
         self.orders: dict[int, list[dict[str, Any]]] = {}
         self.to: RingWriter | None = None
         self.forces_n: list[float] = []
+        self.fails_at: int | None = None
 
     @property
     def ended(self) -> bool:
@@ -52,6 +55,8 @@ class Cup:
     def read(self, timeout_s: float) -> Samples:
         ended = self.ended
         self.read_times += 1
+        if self.read_times == self.fails_at:
+            raise BadRecording("a whole recording", "damaged bytes", "run: taxel recover")
         for order in self.orders.get(self.read_times, []):
             assert self.to is not None
             self.to.put(pack(order))
@@ -89,9 +94,13 @@ class Rig:
         self.cup = Cup(self._pulse, **cup)
         self.cup.to = stack.enter_context(RingWriter(orders))
 
-    def run(self) -> list[Any]:
+    def run(self, *, once: bool = False) -> list[Any]:
         """Run until the cup asks for the end; return what was put into the ring."""
-        acquisition._pump(cast("Any", self.cup), self._writer, self._orders, self._pulse, self._job)
+        job, cup = replace(self._job, once=once), cast("Any", self.cup)
+        acquisition._pump(cup, self._writer, self._orders, self._pulse, job)
+        return self.taken()
+
+    def taken(self) -> list[Any]:
         return [unpack(content) for content in self._reader.take()]
 
     @property
@@ -133,6 +142,33 @@ def test_a_source_that_ended_says_so_once_and_lives_on_until_it_is_asked_to_end(
     assert len(ends) == 1
     assert not any(isinstance(packet, Samples) for packet in packets[ends[0] :])
     assert (rig.work, rig.produced) == (Work.ENDED, len(packets))
+
+
+@pytest.mark.parametrize("once", [True, False])
+def test_a_failed_source_is_over_for_its_monitors_only_where_it_is_not_started_again(
+    make: Any, once: bool
+):
+    """Else a monitor would keep its grasp for the frames of a camera that comes back."""
+    rig = make(reads=6)
+    rig.cup.fails_at = 4
+    with pytest.raises(BadRecording, match="damaged bytes"):
+        rig.run(once=once)
+    *before, last = rig.taken()
+    assert sum(isinstance(packet, Samples) for packet in (*before, last)) == 3
+    assert (isinstance(last, dict) and "ended" in last) is once
+
+
+@pytest.mark.parametrize(
+    ("url", "replayed"),
+    [("{file}", True), ("replay://{file}?scene=yes", True), ("sim://teng", False),
+     ("camera:///dev/video0", False), ("serial:///dev/ttyACM0", False)],
+)  # fmt: skip
+def test_recordings_alone_are_read_once_and_devices_are_opened_again(
+    tmp_path: Path, url: str, replayed: bool
+):
+    file = tmp_path / "a.mcap"
+    file.write_bytes(b"")
+    assert is_replay(url.format(file=file)) is replayed
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, None], ids=["SIGTERM", "the station's word"])

@@ -14,7 +14,7 @@ import pytest
 
 from taxel.actions.interlock import Interlock, InterlockConfig
 from taxel.clock import ManualClock
-from taxel.errors import BadSource, TaxelError
+from taxel.errors import BadRecording, BadSource, TaxelError
 from taxel.live.station import processes as module
 from taxel.live.station.beats import Beats, Work
 from taxel.live.station.guard import Guard
@@ -157,6 +157,15 @@ def test_in_a_drill_a_process_is_started_however_often_it_dies(
     patient = Rig(rig.beats, rig.clock, patient=True)
     worker = patient.add("source")
     assert all(patient.processes.again(worker) for _ in range(50))
+
+
+@pytest.mark.parametrize("patient", [False, True])
+def test_a_process_that_may_run_once_is_given_up_at_its_first_death(rig: Rig, patient: bool):
+    dummies = Rig(rig.beats, rig.clock, patient=patient)
+    worker = dummies.processes.add("source", lambda _: None, lambda place: place, once=True)
+    assert not dummies.processes.again(worker)
+    assert (worker.given_up, worker.starts) == (True, 1)
+    assert rig.beats.read(worker.row).work is Work.FAILED
 
 
 @pytest.mark.parametrize(("exitcode", "how"), [(-9, "signal 9"), (1, "an error")])
@@ -304,3 +313,21 @@ def test_a_process_that_is_given_up_is_said_to_be(rig: Rig):
         watched.watch.look(rig.clock.now_s())
     assert watched.words[-1] == "recorder ended by an error, too often: given up"
     assert watched.alarm_on("recorder") is True
+
+
+def test_of_a_replay_that_cannot_be_read_on_it_is_said_why_and_that_it_does_not_begin_anew(
+    rig: Rig,
+):
+    watched = Watched(rig)
+    worker = rig.processes.add("source", lambda _: None, lambda place: place, once=True)
+    reason = BadRecording("a whole recording", "damaged bytes", "run: taxel recover")
+    worker.report = cast("Any", Report(("failed", reason)))
+    rig.die(worker, 1)
+    for now_s in (1.0, 1.1):
+        watched.watch.look(now_s)
+    assert watched.words == [
+        "source ended by an error (needed a whole recording; got damaged bytes; run: taxel "
+        "recover): given up, as it would begin anew"
+    ]
+    assert watched.alarm_on("source") is True
+    assert worker.starts == 1

@@ -51,6 +51,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("the paper's set, tables, warnings", paper_set),
         ("slips", lambda: slips(data)),
         ("slip signal of real touch", lambda: slip_signal(data)),
+        ("slip warnings on real gels", lambda: warnings_on_real_gels(data)),
         ("touch encoder: cost", encoder_cost),
         ("touch encoder: probe", lambda: encoder_probe(data)),
         ("sim to real: grey differences", lambda: sim_to_real("grey differences", data)),
@@ -262,6 +263,13 @@ def slip_signal(data: Path | None) -> list[Row]:
     if data is None or not (data / "gelsight-slip").exists():
         return missing_signal_rows("no recordings: name their folder with --data")
     return signal_rows(data / "gelsight-slip")
+
+
+def warnings_on_real_gels(data: Path | None) -> list[Row]:
+    """Watch real trials with the warnings that come with taxel."""
+    from taxel.bench.transitions.real_gels import real_gel_rows
+
+    return real_gel_rows(data)
 
 
 def encoder_cost() -> list[Row]:

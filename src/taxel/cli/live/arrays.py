@@ -79,14 +79,16 @@ def live_arrays(options: ArrayOptions) -> None:
 def _run(options: ArrayOptions, bundles: Sequence[Bundle]) -> list[Tally]:
     """Run every recording of the source; return each bundle's counts over all of them."""
     from taxel.decisions.recognition import RecogniseConfig
-    from taxel.live.recogniser import Recogniser, SessionLevels, scale_watch_of
+    from taxel.live.recogniser import Recogniser, SessionLevels, scale_watch_of, still_watch_of
     from taxel.recordings.reader import read_manifest
     from taxel.sources.opening import open_source, recordings_of, replayed_files
 
     config = RecogniseConfig(least_confidence=options.least_confidence)
     totals: list[Tally] = []
     levels = [SessionLevels(bundle.contract) for bundle in bundles]
+    # What has stopped, or is in another unit, may show over several short recordings only.
     scales = [scale_watch_of(bundle.contract) for bundle in bundles]
+    stills = [still_watch_of(bundle.contract) for bundle in bundles]
     notices = _InputNotices()
     with stop_signals(SUMMARY_FOLLOWS) as stopped:
         for address in recordings_of(options.source):
@@ -96,8 +98,10 @@ def _run(options: ArrayOptions, bundles: Sequence[Bundle]) -> list[Tally]:
                 groups = {**read_manifest(files[0]).groups, "recording": files[0].stem}
             with open_source(address) as source:
                 recognisers = [
-                    Recogniser(bundle, source.info, config, level.of(groups), scale)
-                    for bundle, level, scale in zip(bundles, levels, scales, strict=True)
+                    Recogniser(bundle, source.info, config, level.of(groups), scale, still)
+                    for bundle, level, scale, still in zip(
+                        bundles, levels, scales, stills, strict=True
+                    )
                 ]
                 tallies = _run_source(options, source, recognisers, notices, stopped)
             for total, tally in zip(totals, tallies, strict=bool(totals)):

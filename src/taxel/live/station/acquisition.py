@@ -52,6 +52,8 @@ class Acquisition:
     ring: str
     orders: str
     """Ring with notes such as {"grip_n": 30.0, "expires_s": 512.3}, for a simulated gripper."""
+    once: bool = False
+    """Nothing more comes where it fails: its process is not started again."""
 
 
 def acquire(job: Acquisition) -> None:
@@ -77,13 +79,24 @@ def acquire(job: Acquisition) -> None:
 def _pump(
     source: Source, writer: RingWriter, orders: RingReader, pulse: Pulse, job: Acquisition
 ) -> None:
+    try:
+        _hand_on(source, writer, orders, pulse, job)
+    except Exception:
+        if job.once:
+            writer.put(_over())
+        raise
+
+
+def _hand_on(
+    source: Source, writer: RingWriter, orders: RingReader, pulse: Pulse, job: Acquisition
+) -> None:
     ended = False
     last_s = -math.inf
     news = SourceNews(source, job.url)
     while not pulse.stopping:
         if source.ended and not ended:
             ended = True
-            writer.put(pack({"ended": monotonic()}))
+            writer.put(_over())
         samples = source.read(_WAIT_S)
         if len(samples):
             writer.put(pack(samples))
@@ -103,6 +116,11 @@ def _pump(
             _obey(source, orders)
         if ended:
             sleep(_WAIT_S)
+
+
+def _over() -> bytes:
+    """Return the note that the source is over: nothing more comes of it."""
+    return pack({"ended": monotonic()})
 
 
 def _obey(source: Source, orders: RingReader) -> None:

@@ -57,6 +57,8 @@ class ProcessWatch:
             again = self._processes.again(worker)
             if again:
                 self._coming.append(worker)
+            elif worker.once:
+                text += ": given up, as it would begin anew"
             else:
                 text += ", too often: given up"
             self._guard.trouble(worker.name, text, now_s)

@@ -52,6 +52,8 @@ class Worker:
     given_up: bool = False
     ends_itself: bool = False
     """It completes its work where the supervisor was killed; others are killed with it."""
+    once: bool = False
+    """It is never started again: another would begin from the start what this one was amid."""
 
 
 class ProcessGroup:
@@ -75,6 +77,7 @@ class ProcessGroup:
         job: Callable[[Place], Any],
         *,
         ends_itself: bool = False,
+        once: bool = False,
     ) -> Worker:
         """Start a process; `opened` waits until it is ready.
 
@@ -83,8 +86,10 @@ class ProcessGroup:
             entry: What it runs.
             job: Gives what it is to do, from its place.
             ends_itself: It completes its work where this process was killed.
+            once: It is given up where it dies, and not started again.
         """
-        worker = Worker(name, len(self.workers), entry, job, ends_itself=ends_itself)
+        row = len(self.workers)
+        worker = Worker(name, row, entry, job, ends_itself=ends_itself, once=once)
         self.workers.append(worker)
         self._begin(worker)
         return worker
@@ -138,9 +143,9 @@ class ProcessGroup:
         return found
 
     def again(self, worker: Worker) -> bool:
-        """Start a dead process again; False where that was tried often enough."""
-        often = len(worker.began_s) > _RESTARTS
-        if often and monotonic() - worker.began_s[0] < _WITHIN_S and not self._patient:
+        """Start a dead process again; False where it may not be, or that was tried often enough."""
+        often = len(worker.began_s) > _RESTARTS and not self._patient
+        if worker.once or (often and monotonic() - worker.began_s[0] < _WITHIN_S):
             worker.given_up = True
             self._beats.fail(worker.row)
             return False

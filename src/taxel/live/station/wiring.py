@@ -34,7 +34,7 @@ from taxel.live.station.worker import Place
 from taxel.models.devices import CPU
 from taxel.plain_text import number_of
 from taxel.signals import CameraInfo, SensorInfo
-from taxel.sources.opening import options_of, recordings_of
+from taxel.sources.opening import is_replay, options_of, recordings_of
 
 _RING_BYTES = 16 * 2**20
 """Of a source: six seconds of two cameras at 60 Hz. Source: our choice."""
@@ -233,12 +233,15 @@ class Wiring:
     def _start_feed(self, url: str, number: int) -> None:
         ring, orders = self.ring(_RING_BYTES), self.ring()
         name = f"source {number + 1}" if len(self._config.sources) > 1 else "source"
+        # A file's bad bytes stay, and its beginning is not what the monitors saw last.
+        once = is_replay(url)
 
         def job(place: Place) -> Acquisition:
-            return Acquisition(place=place, url=url, ring=ring, orders=orders)
+            return Acquisition(place=place, url=url, ring=ring, orders=orders, once=once)
 
         to = self._stack.enter_context(RingWriter(orders))
-        self.feeds.append(Feed(url, ring, to, self._processes.add(name, acquire, job)))
+        worker = self._processes.add(name, acquire, job, once=once)
+        self.feeds.append(Feed(url, ring, to, worker))
 
     def _assign(self) -> dict[int, tuple[Path, ...]]:
         """Return the bundles of each source: each bundle goes to the first that it fits.
