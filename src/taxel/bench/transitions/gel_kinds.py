@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from taxel.bench.rows import Row, missing
-from taxel.bench.transitions.gel_warning import GELS, TESTED, follow, pose_file
+from taxel.bench.transitions.gel_warning import GELS, follow, pose_file
 from taxel.bench.transitions.slip_warning import Warner, poses_folder, shipped_warner
 from taxel.bundles.shipped import BOTH_GELS, CUP_POUR
 from taxel.evaluation.early_warning.events import EventScores
@@ -23,7 +23,7 @@ from taxel.evaluation.early_warning.slip_warnings import WarningTrack, score_war
 from taxel.plain_text import number_of
 from taxel.sim.pour.cup_pour import Gel
 from taxel.sim.pour.cups import OTHER_KINDS, PourRun
-from taxel.training.slip.cups import PourRows, keep_runs, mild_bumps, other_part
+from taxel.training.slip.cups import TEST_CUPS, PourRows, keep_runs, mild_bumps, other_part
 from taxel.training.slip.rim_features import ring_features
 
 WARNINGS: Final = (CUP_POUR, BOTH_GELS)
@@ -87,6 +87,6 @@ def _alarms(name: str, events: EventScores) -> Row:
 
 def _parts() -> Iterator[tuple[int, str, list[PourRun]]]:
     """Yield (cup, name of the part, runs): a grasp of each other kind, and mild pushes."""
-    for cup in TESTED:
+    for cup in TEST_CUPS:
         yield cup, "other-0", other_part(cup, 0)
         yield cup, "bumps", mild_bumps(cup)

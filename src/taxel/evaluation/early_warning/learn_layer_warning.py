@@ -30,9 +30,6 @@ LAYER_CUPS: Final = 128
 """Training cups of version 2 whose images are rendered. Source: our choice: time."""
 BOTH_CUPS: Final = 240
 """The same where both versions are learned from. Source: training cups, docs/decisions/0037."""
-OTHER_CUPS: Final = 64
-"""The first of these, of which other kinds of grasps and mild pushes are rendered, too. Source:
-our choice, docs/decisions/0037: time."""
 _PARTS: Final = (0, 1)
 """Of the four parts of a cup's paper's pours: many cups say more than many pours."""
 _PUSHES: Final = 2
@@ -56,8 +53,8 @@ def both_features(
         RecordingFailed: The disk refused.
     """
     return [
-        *_features(folder, cups, 1, on_step, others=OTHER_CUPS),
-        *_features(folder, cups, 2, on_step, others=OTHER_CUPS),
+        *_features(folder, cups, 1, on_step, others=True),
+        *_features(folder, cups, 2, on_step, others=True),
     ]
 
 
@@ -65,13 +62,13 @@ def layer_features(
     folder: Path, cups: int = LAYER_CUPS, on_step: Callable[[str], None] = lambda _: None
 ) -> list[PourFeatures]:
     """Return training pours of the paper's on layers, followed in images; see `both_features`."""
-    return _features(folder, cups, 2, on_step, others=0)
+    return _features(folder, cups, 2, on_step, others=False)
 
 
 def _features(
-    folder: Path, cups: int, gel: Gel, on_step: Callable[[str], None], *, others: int
+    folder: Path, cups: int, gel: Gel, on_step: Callable[[str], None], *, others: bool
 ) -> list[PourFeatures]:
-    jobs = [(folder, cup, gel, number < others) for number, cup in enumerate(TRAINING_CUPS[:cups])]
+    jobs = [(folder, cup, gel, others) for cup in TRAINING_CUPS[:cups]]
     for number, _ in as_done(_render, jobs):
         on_step(f"images of training cup {jobs[number][1]}, gel {gel}")
     return [

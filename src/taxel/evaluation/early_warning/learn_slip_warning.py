@@ -220,8 +220,8 @@ def out_of_fold(
     """Return training pours, each driven by a head that had not seen its cup."""
     cups = np.array([found.cup for found in pours])
     drives: dict[int, Drive] = {}
-    for part in cup_folds(pours):
-        on_step(f"{head}, without {len(part)} cups from {part[0]} on")
+    for part in np.array_split(np.unique(cups), FOLDS):
+        on_step(f"{head}, without cups {part[0]} to {part[-1]}")
         held = np.isin(cups, part)
         fitted = fit_head(
             [found for found, out in zip(pours, held, strict=True) if not out], head, seed
@@ -229,19 +229,6 @@ def out_of_fold(
         for index in np.flatnonzero(held):
             drives[int(index)] = head_drive(fitted, pours[index])
     return [track_of(found, drives[index]) for index, found in enumerate(pours)]
-
-
-def cup_folds(pours: Sequence[PourFeatures]) -> list[NDArray[np.int64]]:
-    """Return `FOLDS` groups of cups; those in other kinds of grasps are dealt out evenly.
-
-    Where only some cups have such grasps, a head would else have to judge pushes without having
-    learned from any.
-    """
-    every = np.unique([found.cup for found in pours])
-    kinds = [found.cup for found in pours if found.pour.run.kind not in PROMISED_KINDS]
-    other = np.isin(every, kinds)
-    groups = [np.array_split(every[own], FOLDS) for own in (other, ~other)]
-    return [np.concatenate(parts) for parts in zip(*groups, strict=True)]
 
 
 def fit_head(pours: Sequence[PourFeatures], head: HeadName, seed: int = 0) -> SlipHead:

@@ -45,6 +45,10 @@ USUAL_GOALS: Final[dict[HeadName, Goal]] = {
 FURTHER_LESS: Final = 0.65
 """By how much the logarithm of a second forecast, further ahead, is lowered before the larger of
 both counts. Source: training cups, docs/decisions/0036."""
+LAYERS_LESS: Final = 0.03
+"""By how much the logarithm of slip is lowered in labels of gels that shear as layers, where both
+versions are learned from: one threshold then suits either. Source: training cups,
+docs/decisions/0037."""
 _AFTER_S: Final = 0.1
 """How long after the event rows are still learned from, seconds."""
 _NEAR_S: Final = 0.8
@@ -111,7 +115,8 @@ def learning_rows(
     """Return rows to learn from, their labels and how much each counts.
 
     Args:
-        pours: Of training cups; those that are not learned from are left out.
+        pours: Of training cups; those that are not learned from are left out. Where gels of both
+            versions are among them, a forecast's labels are lowered by `LAYERS_LESS` on layers.
         goal: What a row is labelled by.
 
     Returns:
@@ -119,6 +124,7 @@ def learning_rows(
         shape (n, times): the natural logarithm of the largest slip until then over gross slip.
     """
     rows, labels, weights = [], [], []
+    both = goal in SLIPS_S and len({found.gel for found in pours}) > 1
     for found in pours:
         if not is_learned_from(found.pour):
             continue
@@ -133,7 +139,8 @@ def learning_rows(
             used &= time_s <= event_s + _AFTER_S
             weight[(event_s - time_s <= _NEAR_S) & (time_s <= event_s)] = _NEAR_TIMES
         rows.append(found.rows[used])
-        labels.append(_labels(found.pour, time_s, goal)[used])
+        lowered = LAYERS_LESS if both and found.gel == 2 else 0
+        labels.append(_labels(found.pour, time_s, goal)[used] - lowered)
         weights.append(weight[used])
     return np.concatenate(rows), np.concatenate(labels), np.concatenate(weights)
 
