@@ -29,12 +29,12 @@ class Driven:
         self.board = board
         self.hand = hand
 
-    def until(self, true: Callable[[], bool], limit_s: float = 3.0) -> float:
+    def until(self, true: Callable[[], bool]) -> float:
         def so() -> bool:
             self.hand.refresh()
             return true()
 
-        return until(so, limit_s, self.hand.status)
+        return until(so, state=self.hand.status)
 
     def beats(self, count: int) -> None:
         """Wait until the board has heard so many more heartbeats, one each 25 ms at the most."""
@@ -50,8 +50,10 @@ class Driven:
 
 @contextmanager
 def rigged(**options: Any) -> Iterator[tuple[HandEmulator, Driven]]:
+    """The emulated board shares the machine: while that stands still, writes take longer."""
     with emulated_hand() as board:
-        hand = HandController(HandConfig(port=board.port, **options), SystemClock())
+        config = HandConfig(port=board.port, **{"write_s": 5.0, **options})
+        hand = HandController(config, SystemClock())
         try:
             hand.connect()
             yield board, Driven(board, hand)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 
 def until(
-    true: Callable[[], bool], limit_s: float = 3.0, state: Callable[[], object] = lambda: ""
+    true: Callable[[], bool], limit_s: float = 20.0, state: Callable[[], object] = lambda: ""
 ) -> float:
     """Wait until something is so; return how long it took, seconds.
 
