@@ -73,6 +73,8 @@ def acquire(job: Acquisition) -> None:
                 sleep(_WAIT_S / 4)
             if isinstance(source, Begun):
                 source.begin()
+                if job.place.again:  # unlike a camera's, its grasp begins anew
+                    writer.put(pack({"do": "new grasp"}))
             _pump(source, writer, orders, pulse, job)
 
 

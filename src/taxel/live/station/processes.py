@@ -196,7 +196,7 @@ class ProcessGroup:
         mine, theirs = self._context.Pipe(duplex=False)
         place = Place(
             name=worker.name, beats=self._beats.name, row=worker.row, parent=os.getpid(),
-            report=theirs, ends_itself=worker.ends_itself,
+            report=theirs, ends_itself=worker.ends_itself, again=worker.starts > 0,
         )  # fmt: skip
         # Not daemonic: cameras have a capture process each. A worker ends with its parent.
         worker.process = self._context.Process(

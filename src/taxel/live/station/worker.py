@@ -67,6 +67,8 @@ class Place:
     """It completes its work without the supervisor, and ends; else it is killed with it."""
     report: Connection
     """Where it says what it opened, or why it could not."""
+    again: bool = False
+    """It follows a process that died."""
 
 
 class Pulse:
