@@ -250,7 +250,11 @@ def test_a_damaged_recording_is_replayed_once_and_given_up_in_words(pour: Path, 
     whole[middle : middle + 64] = bytes(64)
     path.write_bytes(whole)
     with Station(StationConfig(sources=(f"replay://{path}",), bundles=())) as station:
+        view = StationView(station.view_config())
         station.run(60.0)
+        (shown,) = view.snapshot()["sources"]
+        view.close()
+    assert (shown["state"], str(path) in shown["note"]) == ("failed", True)
     assert station.failed == "source"
     assert station.ledger()["source"]["starts"] == 1
     (text,) = [text for _, _, text in station.events if "given up" in text]

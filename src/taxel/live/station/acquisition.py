@@ -81,20 +81,21 @@ def acquire(job: Acquisition) -> None:
 def _pump(
     source: Source, writer: RingWriter, orders: RingReader, pulse: Pulse, job: Acquisition
 ) -> None:
+    news = SourceNews(source, job.url)
     try:
-        _hand_on(source, writer, orders, pulse, job)
-    except Exception:
+        _hand_on(source, writer, orders, pulse, news)
+    except Exception as error:
+        writer.put(pack(news.failed(error, monotonic())))
         if job.once:
             writer.put(_over())
         raise
 
 
 def _hand_on(
-    source: Source, writer: RingWriter, orders: RingReader, pulse: Pulse, job: Acquisition
+    source: Source, writer: RingWriter, orders: RingReader, pulse: Pulse, news: SourceNews
 ) -> None:
     ended = False
     last_s = -math.inf
-    news = SourceNews(source, job.url)
     while not pulse.stopping:
         if source.ended and not ended:
             ended = True
