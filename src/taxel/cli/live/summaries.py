@@ -36,7 +36,7 @@ def trials_line(trials: list[dict[str, Any]]) -> str:
     came = Counter(trial["outcome"] or "unknown" for trial in trials)
     each = ", ".join(f"{count} {name}" for name, count in came.most_common())
     many = f"{len(trials)} grasp{'' if len(trials) == 1 else 's'}"
-    total = max((trial["number"] for trial in trials), default=0)
+    total = sum({trial["cameras"]: trial["number"] for trial in trials}.values())
     if total > len(trials):  # a station keeps the latest alone
         many = f"the last {len(trials)} of {total} grasps"
     return f"{many}: {warned} with an alarm, {done} with a reaction; {each}"

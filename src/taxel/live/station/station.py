@@ -331,9 +331,9 @@ class Station:
         """Pass one note of a monitor or a recogniser on to whom it concerns."""
         if note["kind"] == "new grasp":
             self._driving.new_grasp()
-            self.person.new_grasp(now_s, str(note.get("outcome", "")))
+            self.person.new_grasp(now_s, str(note.get("outcome", "")), note.get("who", ""))
         elif note["kind"] == "reaction":
-            self.person.marked(str(note["what"]), float(note["time_s"]))
+            self.person.marked(str(note["what"]), float(note["time_s"]), note.get("who", ""))
         elif note["kind"] == "grasp":
             self.guard.decide(note["who"], note)
             self._recorder.keep_slip(note)
@@ -374,6 +374,7 @@ class Station:
         for monitor in wiring.monitors:
             for who in monitor.watchers:
                 self.guard.expect(who, now_s)
+        self.person.watch(wiring.watchers_by_cameras(), now_s)
         own = [e for monitor in wiring.monitors for e in monitor.bundles if e["kind"] == "answer"]
         self.answers = Answers(own, self.config.rules)
         wiring.levels = self.answers.levels
