@@ -57,6 +57,7 @@ def station_summary(station: Station) -> dict[str, Any]:
             for stage, values in station.latencies.percentiles_ms().items()
         },
         "processes": station.ledger(),
+        "outputs": station.driving.counts(),
         "recording": station.recording,
     }
 
@@ -82,6 +83,9 @@ def print_station_summary(summary: dict[str, Any]) -> None:
             f"  {name}: {number_of(process['produced'], 'message')} produced, "
             f"{process['consumed']} received, {process['dropped']} lost{again}"
         )
+    for name, count in summary["outputs"].items():
+        sent = number_of(count["sent"], "message")
+        say(f"  {visible(name)}: {sent} sent, {count['lost']} lost")
     if summary["latency_ms"]:
         parts = [
             f"{stage} {quantiles['p50']:.1f}" for stage, quantiles in summary["latency_ms"].items()
