@@ -50,6 +50,7 @@ def test_a_robot_that_starts_late_gets_the_next_datagram_and_is_heard_at_once() 
         port = robot.getsockname()[1]
     line = UdpLine(LOOPBACK, port)
     assert [line.send(b"nobody is there") for _ in range(5)] == [True] * 5
+    assert line.returned >= 1
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
         robot.bind(("127.0.0.1", port))
         robot.settimeout(5)

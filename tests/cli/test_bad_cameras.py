@@ -10,6 +10,7 @@ import pytest
 from safetensors.numpy import save_file
 
 from taxel.cli.main import main
+from taxel.windows import camera_trials
 
 
 def write_video(path: Path, frames: int, hz: float = 30.0, *, grey: bool = False) -> None:
@@ -202,3 +203,23 @@ def test_nor_are_recordings_that_were_imported_from_them(
                     "--cache", str(tmp_path / "c")])  # fmt: skip
 
     assert "holds the images of 0001-t0" in line
+
+
+@pytest.mark.parametrize(
+    ("public", "line"),
+    [("", "import it: taxel import trials.csv --output recordings"),
+     ("a-set", "import it: taxel import a-set --data {path} --output recordings")],
+)  # fmt: skip
+@pytest.mark.parametrize("page", [[], ["--page"]])
+def test_a_monitor_says_how_a_folder_of_videos_becomes_recordings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    page: list[str], public: str, line: str,
+) -> None:  # fmt: skip
+    """The line was: name one of its files; which are no recordings either."""
+    (tmp_path / "a.avi").touch()
+    monkeypatch.setattr(camera_trials, "known_videos", lambda _: public)
+    with pytest.raises(SystemExit):
+        main(["live", "slip-both-gels", str(tmp_path), *page])
+    printed = " ".join(capsys.readouterr().err.split())
+    assert "images or videos alone" in printed
+    assert line.format(path=tmp_path) in printed

@@ -65,6 +65,23 @@ def test_live_names_it_once_on_the_error_stream_and_in_json(
     assert "in training it changed in every window: check its cable" in captured.err
 
 
+def test_lines_of_a_folder_name_the_recording_and_its_own_time(
+    bundle: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They gave the host's clock, such as 37972.9 s, of recordings of 20 s."""
+    hangs = bundle.parent / "hangs" / "set"
+    capsys.readouterr()
+
+    main(["live", str(bundle), f"replay://{hangs}?speed=max"])
+    folder = capsys.readouterr().out
+    main(["live", str(bundle), f"replay://{hangs / 't3.mcap'}?speed=max"])
+    alone = capsys.readouterr().out
+
+    for number in range(8):
+        assert f"warning: t{number}, 10.0 s to the end: no usable values" in folder
+    assert "warning: 10.0 s to the end: no usable values" in alone
+
+
 def test_live_names_it_over_recordings_of_a_single_window_each(
     bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

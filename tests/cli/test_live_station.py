@@ -56,6 +56,7 @@ def test_a_pour_is_watched_recorded_and_sent_to_another_program(
     assert result["processes"]["recorder"]["consumed"] == made
     stages = {"capture", "source", "hand over", "wait", "model", "alarm"}
     assert set(result["latency_ms"]) == stages
+    assert result["outputs"][f"UDP to 127.0.0.1:{port}"]["sent"] > 0
     assert len(list(iterate_frames(path))) == len(list(iterate_frames(pour)))
     (trial,) = read_trial_log(log_of(path))
     assert (trial.outcome, trial.outcome_by, trial.reaction) == ("held", "source", "")
@@ -123,11 +124,13 @@ def test_the_summary_says_what_it_counts_and_calls_nothing_recorded_that_failed(
     print_station_summary({
         "answers": [], "alarms": {"counts": {"raised": 0, "acknowledged": 0}}, "state": "NONE",
         "trials": [], "processes": {"monitor": counts}, "latency_ms": {},
+        "outputs": {"UDP to 127.0.0.1:5005": {"sent": 9, "lost": 1}},
         "recording": {"path": "a.mcap", "error": error, "ledger": {"scans": 9}},
     })  # fmt: skip
     lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
     assert lines[0] == "monitor: 7 messages produced, 5 received, 2 lost"
-    assert lines[1:] == ([error, line] if error else [line])
+    assert lines[1] == "UDP to 127.0.0.1:5005: 9 messages sent, 1 lost"
+    assert lines[2:] == ([error, line] if error else [line])
 
 
 def test_an_event_has_its_time_since_the_station_began(monkeypatch: pytest.MonkeyPatch):

@@ -1,6 +1,7 @@
 """`taxel report`: from a training to a page, from stored rows to the card of claims."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -52,8 +53,6 @@ def test_a_trained_run_becomes_a_page(
 
 
 def test_a_page_is_made_though_the_recordings_are_gone(made: Path, tmp_path: Path):
-    import shutil
-
     shutil.copytree(made / "run", tmp_path / "run")
     about = tmp_path / "run" / "run.json"
     about.write_text(about.read_text().replace(str(made / "data"), "elsewhere"))
@@ -62,6 +61,22 @@ def test_a_page_is_made_though_the_recordings_are_gone(made: Path, tmp_path: Pat
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert "not at hand" in page
     assert '<h2 id="latency"' not in page
+
+
+def test_other_recordings_than_the_runs_are_noted_in_one_line(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """The page alone said so; the same recordings in another place are no others."""
+    data = shutil.copytree(made / "data", tmp_path / "data")
+    capsys.readouterr()
+    words = [made / "run", "--no-latency", "--output", tmp_path / "r.html", "--data", data]
+    report(*words)
+    assert "note" not in capsys.readouterr().err
+
+    (data / "session-3.mcap").unlink()
+    report(*words)
+    line = " ".join(capsys.readouterr().err.split())
+    assert line.startswith(f"note: {data} holds other recordings than those of run;")
 
 
 @pytest.mark.slow
@@ -158,8 +173,6 @@ def test_a_file_of_another_kind_is_refused_without_words_of_python(
 
 
 def test_an_adapted_run_shows_its_versions_and_what_they_are_worth(made: Path, tmp_path: Path):
-    import shutil
-
     from taxel.bundles.versions import Change, new_path, replace_with
     from taxel.training.run import load_run, save_run
 

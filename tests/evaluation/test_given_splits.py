@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from make_pads import RECIPE, make_pads
+from make_pads import RECIPE, SENSOR, make_pads
 from rich.console import Console
 
 from taxel.bundles.reader import Bundle, read_bundle
@@ -16,10 +16,15 @@ from taxel.errors import BadDataset, BadSplit, BadTable
 from taxel.evaluation.bundle_scores import score_bundle
 from taxel.evaluation.checked import Checked, check_recipe
 from taxel.evaluation.kept_folds import FoldStore
+from taxel.evaluation.learned_recordings import recordings_trained_on
 from taxel.evaluation.paired import compare_predictions
 from taxel.evaluation.run_scores import judge, only_one
 from taxel.evaluation.table_split import GivenSplit, split_elsewhere, training_part
 from taxel.labels.class_order import in_order
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.reader import list_recordings
+from taxel.recordings.writer import Recorder
+from taxel.signals import Samples
 from taxel.training.final import train_on_all
 from taxel.views.tables.parts import bundle_score_table
 from taxel.windows.dataset import Dataset, load_dataset
@@ -155,6 +160,18 @@ def test_a_bundle_says_when_it_learned_from_the_very_recordings(bundle: Bundle, 
     found = score_bundle(bundle, pads)
 
     assert found.learned_from == ("s1_10_0.mcap", "s1_10_1.mcap", "s1_2_0.mcap", "s1_2_1.mcap")
+
+
+def test_a_recording_that_gave_no_window_is_none_that_was_trained_on(tmp_path: Path) -> None:
+    """Ten rows make no window of twelve: nothing was learned from them."""
+    folder = make_pads(tmp_path / "pads", (1,))
+    manifest = Manifest.started_now(SENSOR, {"level": "2"}, {"session": "s1"}, now_s=0.0)
+    with Recorder(folder / "short.mcap", manifest) as recorder:
+        recorder.write(Samples.from_values(np.full((10, 2), 2.0), np.arange(10) / 100.0))
+    run = train_on_all(folder, RECIPE, checkpoints=tmp_path / "marks")
+
+    assert len(list_recordings(folder)) == 5
+    assert len(recordings_trained_on(run.contract, list_recordings(folder))) == 4
 
 
 def test_unknown_is_no_answer_and_right_for_what_was_never_learned(

@@ -193,6 +193,24 @@ def test_where_all_cameras_are_silent_the_verdict_is_unknown_and_the_seconds_end
     assert tally.trials[0]["reason"].startswith("the left camera is gone")
 
 
+@pytest.mark.parametrize(
+    ("labels", "frames"),
+    [({"fill": "full"}, [10, 8]), ({"outcome": "hold"}, [10, 8]), ({}, [10, 8]),
+     ({"reaction": "put down"}, [18]), ({"reaction": "put down", "fill": "full"}, [18]),
+     ({"shape": "ball"}, [18])],
+)  # fmt: skip
+def test_only_a_mark_of_a_trial_ends_it(
+    monkeypatch: pytest.MonkeyPatch, labels: dict[str, str], frames: list[int]
+) -> None:
+    """A person's reaction, or a mark of the hand beside the cameras, cut it in two."""
+    bundle = watch_of(monkeypatch, crop=2).bundle
+    source = Cameras(left=18, right=18, ends=True)
+    mark = Mark(start_s=0.0, end_s=9 / 25.0, labels=labels)
+    monkeypatch.setattr(source, "marks", lambda: [mark] if source.reads == 10 else [])
+    tally = run_trial_session(source, bundle)
+    assert [trial["frames"] for trial in tally.trials] == frames
+
+
 @pytest.mark.parametrize("crop", [1, 2, 8])
 def test_a_trial_without_an_end_keeps_the_frames_of_one_crop(
     monkeypatch: pytest.MonkeyPatch, crop: int

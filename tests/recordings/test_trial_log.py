@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,17 @@ try:
 except OSError:
     print("refused")
 """
+
+
+def test_a_log_written_before_cameras_were_named_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.trials.csv"
+    append_trial(path, replace(TRIAL, cameras="left + right"))
+    assert [trial.cameras for trial in read_trial_log(path)] == ["left + right"]
+    lines = path.read_text().splitlines()
+    path.write_text("".join(f"{line.rpartition(',')[0]}\n" for line in lines))
+    append_trial(path, replace(TRIAL, number=2, cameras="left + right"))
+    first, second = read_trial_log(path)
+    assert (first, second.cameras) == (TRIAL, "left + right")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs RLIMIT_FSIZE")

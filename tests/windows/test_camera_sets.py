@@ -217,13 +217,13 @@ def test_a_folder_is_tried_as_each_public_data_set_in_turn(
 
     readers = {"first": other, "second": lambda path: [path], "third": other}
     monkeypatch.setattr(camera_trials, "KNOWN_VIDEOS", readers)
-    assert camera_trials._known(tmp_path) == [tmp_path]
+    assert camera_trials.known_videos(tmp_path) == "second"
     monkeypatch.setattr(camera_trials, "KNOWN_VIDEOS", {"first": other})
-    assert camera_trials._known(tmp_path) == []
+    assert camera_trials.known_videos(tmp_path) == ""
 
     monkeypatch.setattr(camera_trials, "KNOWN_VIDEOS", readers)
     (tmp_path / "a.mcap").touch()
-    assert camera_trials._known(tmp_path) == []  # recordings come first
+    assert camera_trials.known_videos(tmp_path) == ""  # recordings come first
 
 
 def test_a_recording_with_two_labelled_stretches_is_no_camera_trial(tmp_path: Path):

@@ -81,7 +81,7 @@ def test_a_public_set_s_own_folder_holds_camera_trials(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert not are_camera_trials(tmp_path)
-    monkeypatch.setattr(camera_trials, "_known", lambda path: [path])
+    monkeypatch.setattr(camera_trials, "known_videos", lambda _: "a-set")
     assert are_camera_trials(tmp_path)
 
 

@@ -88,6 +88,17 @@ class TakesAnswers(Protocol):
         ...
 
 
+@runtime_checkable
+class CountsMessages(Protocol):
+    """An actuator whose messages may be lost on their way, such as datagrams."""
+
+    name: str
+
+    def counts(self) -> dict[str, int]:
+        """Return how many messages were "sent", and how many "lost"."""
+        ...
+
+
 def hear_all(interlock: Interlock, actuators: Sequence[Actuator], now_s: float) -> dict[str, str]:
     """Report the actuators' health to the interlock, the worst and the oldest counting.
 
@@ -300,6 +311,9 @@ class OutputActuator:
 
     def close(self) -> None:
         self.output.close()
+
+    def counts(self) -> dict[str, int]:
+        return {"sent": self.output.sent, "lost": self.output.lost}
 
     def snapshot(self) -> dict[str, Any]:
         return {"motion": f"{self.output.sent} sent, {self.output.lost} lost"}

@@ -280,8 +280,8 @@ class UdpOutput(_Output):
 
     @property
     def lost(self) -> int:
-        """What did not get out."""
-        return self.dropped
+        """What did not get out, or came back as nobody listens."""
+        return self.dropped + self._line.returned
 
     def close(self) -> None:
         """Close the socket."""

@@ -37,6 +37,8 @@ class UdpLine:
         self._to = (str(address), port)
         self._closed = self._connected = False
         self._port = 0
+        self.returned = 0
+        """Datagrams that came back: nobody listens at that port. Several at once count as one."""
         self._socket = self._open()
 
     def send(self, content: bytes) -> bool:
@@ -50,6 +52,7 @@ class UdpLine:
             except BlockingIOError:
                 return False
             except OSError as error:  # often of the datagram before: this one has not gone yet
+                self._count(error)
                 lasting = error.errno not in _PASSING
             else:
                 return True
@@ -70,11 +73,15 @@ class UdpLine:
                 peer = self._socket.getpeername()
             except BlockingIOError:
                 break
-            except OSError:  # of a datagram that was sent, or closed
+            except OSError as error:  # of a datagram that was sent, or closed
+                self._count(error)
                 continue
             if sender[:2] == peer[:2]:  # one from elsewhere may have come before the connection
                 found.append(content)
         return found
+
+    def _count(self, error: OSError) -> None:
+        self.returned += error.errno == errno.ECONNREFUSED
 
     def close(self) -> None:
         """Close the socket."""

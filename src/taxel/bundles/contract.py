@@ -77,8 +77,8 @@ class Contract:
     unknown: Unknown | None = None
     """The novelty test of touch unlike the training data; None where it was not learned."""
     learned: tuple[str, ...] = ()
-    """A fingerprint of each training recording, see `fingerprint_of`, sorted; empty where it is
-    not known, as in older bundles."""
+    """A fingerprint of each recording that gave a training window, see `fingerprint_of`, sorted;
+    empty where it is not known, as in older bundles."""
 
     joining: Joining = MEAN
     """How sure the windows of a contact are together; older bundles take the mean."""

@@ -28,6 +28,20 @@ def ends_grasp(mark: Mark) -> bool:
     return "outcome" in mark.labels
 
 
+def ends_trial(mark: Mark, target: str) -> bool:
+    """Return whether a mark ends a camera trial: it holds its label, a grasp's outcome, or nothing.
+
+    A person's reaction does not, whatever labels its recording adds, nor does a hand's mark.
+
+    Args:
+        mark: Of the source.
+        target: The label that is predicted.
+    """
+    if "reaction" in mark.labels:
+        return False
+    return not mark.labels or target in mark.labels or ends_grasp(mark)
+
+
 def frames_and_marks(source: Source, last_s: float) -> Iterator[Frame | Mark]:
     """Yield what a source's read gave: frames, and each mark before the frames that follow its end.
 

@@ -26,10 +26,11 @@ class Reactions:
 
     Args:
         now_s: When the session began, monotonic seconds.
+        cameras: Names of those that watch the grasps.
     """
 
-    def __init__(self, now_s: float) -> None:
-        self._trial = GraspTrial(number=1, began_s=now_s, ended_s=now_s)
+    def __init__(self, now_s: float, cameras: str = "") -> None:
+        self._trial = GraspTrial(number=1, began_s=now_s, ended_s=now_s, cameras=cameras)
         self._begun = False
         """True once a state was heard that cannot be the grasp's before."""
 
@@ -44,7 +45,7 @@ class Reactions:
         What warns from the start is the last word about the grasp before, and counts for none.
 
         Args:
-            state: Of all monitors together.
+            state: Of all its monitors together.
             advice: What the person is advised to do.
             now_s: Monotonic seconds.
         """
@@ -91,7 +92,9 @@ class Reactions:
             trial = replace(trial, outcome=known, outcome_by="source")
         happened = trial.alarm_s is not None or trial.reaction or trial.outcome
         number, self._begun = trial.number + bool(happened), False
-        self._trial = GraspTrial(number=number, began_s=trial.ended_s, ended_s=trial.ended_s)
+        self._trial = GraspTrial(
+            number=number, began_s=trial.ended_s, ended_s=trial.ended_s, cameras=trial.cameras
+        )
         return trial if happened else None
 
     def snapshot(self) -> dict[str, Any]:

@@ -31,6 +31,10 @@ _KEPT_LATENCIES = 10_000
 _KEPT_ANSWERS = 2_000
 """Answers kept until their mark comes, so that memory stays constant."""
 _NO_RULES = RuleTable(())
+_NEWS = ("gate_moves", "still_channels", "other_scales", "rate_changes", "outages")
+"""What a tally keeps of its input: news, each with its time."""
+_TIMES = {"time_s", "start_s", "end_s"}
+"""Fields of news that are moments, on the fitted clock."""
 MANY_TOUCHES, MOST_ALIKE = 20, 0.8
 """From so many touches on, a session of which more than this share has one answer is warned of,
 where levels follow. Source: our choice, docs/decisions/0061."""
@@ -76,10 +80,18 @@ class Tally:
     """What finds them; none unless given."""
     level: LevelNow | None = None
     """Where the session's level stood in the end; None where levels are not followed."""
+    recording: str = ""
+    """What is replayed, where that is one of several; for the summary."""
+    began_s: float = 0.0
+    """First scan of the source, fitted clock, seconds: the summary's times begin there."""
     late: bool = False
     """True where an answer may come after the mark that it lies in, as of a padded window."""
     _waiting: list[Decision] = field(default_factory=list)
     _marks: list[Mark] = field(default_factory=list)
+    _more: dict[str, list[dict[str, Any]]] = field(
+        default_factory=lambda: {name: [] for name in _NEWS}
+    )
+    """News of the other recordings, as in the summary."""
 
     def add(self, answer: Answer) -> None:
         """Take in one answer."""
@@ -177,13 +189,10 @@ class Tally:
             setattr(self, name, getattr(self, name) + getattr(other, name))
         self.latencies_s += other.latencies_s
         del self.latencies_s[:-_KEPT_LATENCIES]
-        self.note(other.gate_moves)
-        self.note_still(other.still_channels)
-        self.note_scales(other.other_scales)
+        for name, news in other._news().items():
+            self._more[name] += news
+            del self._more[name][:-_KEPT_ANSWERS]
         self.untouched = other.untouched  # of all recordings so far
-        self.note_rates(other.rate_changes)
-        self.outages += other.outages
-        del self.outages[:-_KEPT_ANSWERS]
         self.latest, self.grasp_answer = other.latest, other.grasp_answer
         self.level = other.level
 
@@ -201,22 +210,28 @@ class Tally:
             "grasps": self.grasps,
             "grasps_right": self.grasps_right,
             "grasps_without": self.grasps_without,
-            "gate_moves": [asdict(move) for move in self.gate_moves],
-            "still_channels": [
-                asdict(still) | {"text": still.words()} for still in self.still_channels
-            ],
-            "other_scales": [
-                asdict(scale) | {"text": scale.words()} for scale in self.other_scales
-            ],
             "untouched": self.untouched,
-            "rate_changes": [
-                asdict(change) | {"text": change.words()} for change in self.rate_changes
-            ],
-            "outages": [asdict(outage) | {"text": outage.words()} for outage in self.outages],
+            **self._news(),
             "level": self._level_summary(),
             "latency_us_median": float(np.median(latencies)),
             "latency_us_p99": float(np.percentile(latencies, 99)),
         }
+
+    def _news(self) -> dict[str, list[dict[str, Any]]]:
+        """Return what happened to the input, by kind, as plain values.
+
+        Times run from the first scan of the recording: a replay moves its clock to this moment.
+        """
+        return {
+            name: [self._as_values(item) for item in getattr(self, name)] + self._more[name]
+            for name in _NEWS
+        }
+
+    def _as_values(self, item: Any) -> dict[str, Any]:
+        values = asdict(item)
+        moments = {key: values[key] for key in _TIMES & values.keys() if values[key] is not None}
+        since = {key: moment_s - self.began_s for key, moment_s in moments.items()}
+        return values | since | {"text": item.words(), "recording": self.recording}
 
     def _level_summary(self) -> dict[str, Any] | None:
         """Return where the level stands; with a warning where one answer is nearly all."""
@@ -271,7 +286,10 @@ def run_session(
     while not (over or source.ended or stopped()):
         samples = _read(source, recognisers)
         if end_s is None and len(samples):
-            end_s = float(samples.fitted_s[0]) + (inf if seconds is None else seconds)
+            began_s = float(samples.fitted_s[0])
+            end_s = began_s + (inf if seconds is None else seconds)
+            for tally in tallies:
+                tally.began_s = began_s
         if end_s is not None and len(samples):
             over = bool(samples.fitted_s[-1] >= end_s)
             samples = samples[samples.fitted_s < end_s] if over else samples

@@ -17,7 +17,7 @@ import numpy as np
 from taxel.actions.rule_table import RuleTable
 from taxel.bundles.trials import TrialBundle
 from taxel.decisions.recognition import UNKNOWN
-from taxel.live.frame_loop import moments_and_marks
+from taxel.live.frame_loop import ends_trial, moments_and_marks
 from taxel.live.trial_watch import TrialAnswer, TrialWatch
 from taxel.signals import Frame, Mark
 from taxel.sources.contract import Source
@@ -97,7 +97,7 @@ def run_trial_session(
 ) -> TrialTally:
     """Watch a source until it ends, is stopped, or for some of its seconds; return the tally.
 
-    A mark ends a trial, and so does the source's end.
+    A mark of a trial ends it (`ends_trial`), and so does the source's end.
 
     Args:
         source: An open source with cameras.
@@ -147,7 +147,8 @@ def run_trial_session(
 
     for found in moments_and_marks(source, pairer, see, seconds, stopped, silent):
         if isinstance(found, Mark):
-            finish(found)
+            if ends_trial(found, tally.target):
+                finish(found)
             continue
         answer = watch.push(found)
         if answer.looked:

@@ -39,7 +39,7 @@ class GraspTrial:
     """A line of the log: one grasp, its alarm, the person's reaction and the outcome."""
 
     number: int
-    """From 1 in a session."""
+    """From 1 in a session, of these cameras."""
     began_s: float
     ended_s: float
     alarm: str = ""
@@ -58,6 +58,8 @@ class GraspTrial:
     """One of `OUTCOMES`."""
     outcome_by: str = ""
     """Who says so: "person", or "source" (a simulator's truth, a replay's label)."""
+    cameras: str = ""
+    """Names of the cameras that watched it, as the recording names them; empty: not known."""
 
     @property
     def reaction_time_s(self) -> float | None:
@@ -70,6 +72,8 @@ class GraspTrial:
 COLUMNS = tuple(field.name for field in fields(GraspTrial))
 _FORMER = {"told": "advice"}
 """Columns of logs written before → their name today."""
+_CELLS = (len(COLUMNS), len(COLUMNS) - 1)
+"""Of a line today, and of one written before, which ends without `cameras`."""
 
 
 def log_of(recording: Path) -> Path:
@@ -109,7 +113,8 @@ def read_trial_log(path: Path) -> list[GraspTrial]:
         OSError: It is not there.
     """
     rows = rows_of(path, 16 * MIB)
-    if not rows or tuple(_FORMER.get(name, name) for name in rows[0][1]) != COLUMNS:
+    columns = tuple(_FORMER.get(name, name) for name in rows[0][1]) if rows else ()
+    if columns not in [COLUMNS[:count] for count in _CELLS]:
         raise BadTable(
             "a log of trials as taxel live writes it beside a recording, NAME.trials.csv",
             f"another table in {path}", "name that file",
@@ -135,9 +140,9 @@ def _cell(value: object) -> str:
 
 
 def _trial(cells: list[str], where: str) -> GraspTrial:
-    if len(cells) != len(COLUMNS):
+    if len(cells) not in _CELLS:
         raise BadTable(f"{len(COLUMNS)} cells", f"{len(cells)} in {where}", "mend the line")
-    found: dict[str, Any] = dict(zip(COLUMNS, cells, strict=True))
+    found: dict[str, Any] = dict(zip(COLUMNS, cells, strict=False))
     for name, words in _WORDS.items():
         if found[name] not in words:
             allowed = ", ".join(word or "nothing" for word in words)

@@ -99,11 +99,18 @@ def contract_of(
         software=f"taxel {__version__}",
         parity=None,
         reference=dataset.reference,
-        learned=tuple(sorted({fingerprint_of(own) for own in dataset.fingerprints.values()})),
+        learned=_learned(dataset),
         motion=measure_motion(dataset, target),
         usual=dataset.usual,
         trial_windows=_usual_windows(dataset.trial),
     )
+
+
+def _learned(dataset: Dataset) -> tuple[str, ...]:
+    """Return fingerprints of the recordings that gave a window."""
+    names = {dataset.trials[index].recording for index in np.unique(dataset.trial)}
+    own = (values for name, values in dataset.fingerprints.items() if name in names)
+    return tuple(sorted({fingerprint_of(values) for values in own}))
 
 
 def _usual_windows(trial: NDArray[np.intp]) -> int:

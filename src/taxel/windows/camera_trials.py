@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
@@ -192,15 +192,25 @@ def are_camera_trials(path: Path) -> bool:
     try:
         if path.suffix.lower() in TABLES:
             return names_videos(next(iter(read_cells(path)), []))
-        if _known(path):
+        if known_videos(path):
             return True
         return bool(read_manifest(list_recordings(path)[0]).cameras)
     except (OSError, ValueError):
         return False
 
 
-def refuse_footage(path: Path) -> None:
+_NAME_THEM = (
+    "name them in a table trials.csv: first line camera:NAME,label:NAME, then a line for each "
+    "trial with its video, image or folder, and its label"
+)
+
+
+def refuse_footage(path: Path, *, imported: bool = False) -> None:
     """Refuse a video, an image or a folder of them where trials belong: a table names them.
+
+    Args:
+        path: What a person named.
+        imported: Only recordings are of use, also of a public data set's own folder.
 
     Raises:
         BadTable: It is one.
@@ -212,15 +222,21 @@ def refuse_footage(path: Path) -> None:
     deeper = () if tabled else chain(path.glob("*/*"), path.glob("*/*/*"))
     footage = (f for f in chain(inside, deeper) if f.suffix.lower() in (*IMAGES, *VIDEOS))
     found = next(footage, None)
-    if found is not None and found.exists() and not _known(path):
-        what = "images or videos alone" if path.is_dir() else "one video or image"
+    if found is None or not found.exists():
+        return
+    public = known_videos(path)
+    what = "images or videos alone" if path.is_dir() else "one video or image"
+    if imported and public:
+        mend = f"import it: taxel import {public} --data {path} --output recordings"
+        raise BadTable("a recording (MCAP)", f"{path}, {what}", mend)
+    if imported:
+        mend = f"{_NAME_THEM}, and import it: taxel import trials.csv --output recordings"
+        raise BadTable("a recording (MCAP)", f"{path}, {what}", mend)
+    if not public:
         raise BadTable(
             "a table of camera trials (CSV), or a recording (MCAP) or a folder of them",
-            f"{path}, {what}",
-            "name them in a table trials.csv: first line camera:NAME,label:NAME, then a line for "
-            "each trial with its video, image or folder, and its label; it works in place, as "
-            "taxel live BUNDLE trials.csv",
-        )
+            f"{path}, {what}", f"{_NAME_THEM}; it works in place, as taxel live BUNDLE trials.csv",
+        )  # fmt: skip
 
 
 def read_camera_trials(path: Path, *, outside: bool = False) -> list[CameraTrial]:
@@ -238,8 +254,8 @@ def read_camera_trials(path: Path, *, outside: bool = False) -> list[CameraTrial
     """
     if path.suffix.lower() in TABLES and path.is_file():
         trials = [_of_row(row) for row in read_video_rows(path, path.parent, outside=outside)]
-    elif rows := _known(path):
-        trials = [_of_row(row) for row in rows]
+    elif name := known_videos(path):
+        trials = [_of_row(row) for row in KNOWN_VIDEOS[name](path)]
     else:
         refuse_footage(path)
         trials = [_of_pour(pour) for pour in read_camera_recordings(path, least=1)]
@@ -252,16 +268,14 @@ def read_camera_trials(path: Path, *, outside: bool = False) -> list[CameraTrial
     return trials
 
 
-def _known(path: Path) -> list[VideoRow]:
-    """Return the rows of a public data set's own folder; none where it is no such."""
+def known_videos(path: Path) -> str:
+    """Return the name of the public data set whose own folder this is; empty where it is none."""
     if not path.is_dir() or any(path.glob("*.mcap*")):
-        return []
-    for rows in KNOWN_VIDEOS.values():
-        try:
-            return rows(path)
-        except BadTable:
-            continue
-    return []
+        return ""
+    for name, rows in KNOWN_VIDEOS.items():
+        with suppress(BadTable):
+            return name if rows(path) else ""
+    return ""
 
 
 def _of_row(row: VideoRow) -> CameraTrial:

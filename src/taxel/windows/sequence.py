@@ -1,7 +1,9 @@
 """Sliding windows of k frames over per-frame values: for whole videos and for live streams.
 
-A window's label is the largest among its frames. Windows never span a gap in time, and a
-ring is reset between recordings. Knows nothing about files, images, splits or models.
+A window's label is the largest among its frames. Where times are given no window spans a gap in
+time. Grasp monitors give none, in training as live: their first windows after an outage hold frames
+from before it. A ring is reset between recordings. Knows nothing about files, images, splits or
+models.
 
 Source: Zhao et al., Sensors 2024, 24, 5080, section 4.1.
 """

@@ -21,10 +21,12 @@ from taxel.live.station.ring import Ring, RingReader, RingWriter
 from taxel.live.station.station import Station
 from taxel.live.station.wiring import MonitorLink, StationConfig, Wiring
 from taxel.recordings.trial_log import log_of, read_trial_log
+from taxel.signals import CameraInfo
 
 WHO = "monitor/0"
 RECOGNISER = {"kind": "answer", "who": "monitor/1", "target": "shape", "bundle": "b.taxel"}
 SLIP = {"slip_mm": 0.2}
+PAIR = ("left", "right")
 
 
 class Rig:
@@ -40,7 +42,7 @@ class Rig:
         to_recorder, self.recorder_orders = self._ring()
         to_monitor, self.monitor_orders = self._ring()
         watch = SimpleNamespace(name="monitor", row=0)
-        monitor = MonitorLink(cast("Any", watch), "", heard, to_monitor,
+        monitor = MonitorLink(cast("Any", watch), "", heard, to_monitor, cast("Any", None),
                     [{"kind": "grasp", "who": WHO}, RECOGNISER])  # fmt: skip
         self.station.wiring = cast("Wiring", SimpleNamespace(
             monitors=[monitor], feeds=[],
@@ -260,7 +262,7 @@ def test_orders_reach_the_process_that_is_named_and_no_other(make: Any):
     rig.station.order("nobody", {"do": "mute", "on": True})
     rig.station.new_grasp()
     assert [unpack(order) for order in rig.monitor_orders.take()] == [
-        {"do": "mute", "on": True}, {"do": "new grasp"},
+        {"do": "mute", "on": True}, {"do": "new grasp", "all": True},
     ]  # fmt: skip
 
 
@@ -290,7 +292,23 @@ def test_a_new_grasp_is_ordered_of_every_monitor_and_reported_by_one(make: Any):
     to, orders = rig._ring()
     entry = {"kind": "grasp", "who": "monitor 2/0"}
     rig.station.guard.expect("monitor 2/0", 0.0)
-    rig.station.wiring.monitors.append(MonitorLink(first.worker, "", first.heard, to, [entry]))
+    rig.station.wiring.monitors.append(
+        MonitorLink(first.worker, "", first.heard, to, first.feed, [entry])
+    )
     rig.station.new_grasp()
     assert [unpack(order) for order in orders.take()] == [{"do": "new grasp", "report": False}]
-    assert [unpack(order) for order in rig.monitor_orders.take()] == [{"do": "new grasp"}]
+    (order,) = rig.monitor_orders.take()
+    assert unpack(order) == {"do": "new grasp", "all": True}
+
+
+def test_each_watched_pair_of_cameras_has_the_names_that_the_recording_gives_them():
+    left, right = (CameraInfo(name=name, width=8, height=8, rate_hz=30.0) for name in PAIR)
+    feeds = [SimpleNamespace(cameras=cameras) for cameras in ((), (left, right), (left, right))]
+    monitors = [
+        SimpleNamespace(feed=feed, watchers=[f"monitor {number}/0"][: len(feed.cameras)])
+        for number, feed in enumerate(feeds, 1)
+    ]
+    wiring = cast("Wiring", SimpleNamespace(feeds=feeds, monitors=monitors))
+    assert Wiring.watchers_by_cameras(wiring) == {
+        "left + right": ("monitor 2/0",), "left-2 + right-2": ("monitor 3/0",),
+    }  # fmt: skip

@@ -268,10 +268,11 @@ def test_a_source_that_has_not_reported_for_a_second_is_not_shown_as_live(
     clock.advance(2.6)
     (shown,) = rig.view.snapshot()["sources"]
     assert (shown["state"], shown["rate_hz"], shown["note"]) == ("silent", 0.0, "no report for 3 s")
-    rig.to[0].put(pack(note | {"state": "ended"}))
-    rig.view.snapshot()
-    clock.advance(2.6)
-    assert rig.view.snapshot()["sources"][0]["state"] == "ended"
+    for last in ("failed", "ended"):
+        rig.to[0].put(pack(note | {"state": last}))
+        rig.view.snapshot()
+        clock.advance(2.6)
+        assert rig.view.snapshot()["sources"][0]["state"] == last
 
 
 def test_the_hands_numbers_are_per_cent_of_the_full_scale_where_there_is_one(make: Any):

@@ -81,3 +81,47 @@ def test_while_the_supervisor_stands_still_the_word_is_hold_still() -> None:
     shown = stalled_snapshot({"do": {"word": "HOLD"}, "alarms": []}, 0.5, 10.0)
 
     assert shown["do"]["word"] == "HOLD STILL"
+
+
+def test_grasps_of_two_pairs_of_cameras_are_logged_apart() -> None:
+    """One row held the alarm of one pair and was ended by the other's next grasp."""
+    guard = Guard(Interlock(InterlockConfig(min_n=10.0, max_n=40.0)))
+    trials: list[GraspTrial] = []
+    person = Person(guard, 0.0, trials.append)
+    person.watch({"left + right": ("monitor 1/0",), "left-2 + right-2": ("monitor 2/0",)}, 0.0)
+    states = {"monitor 1/0": "STABLE", "monitor 2/0": "STABLE"}
+    for who in states:
+        guard.expect(who, 0.0)
+
+    def turn(now_s: float) -> None:
+        for who, state in states.items():
+            guard.decide(who, {"state": state, "decided_s": now_s, "p": 0.5})
+            guard.beat(who, now_s)
+        guard.tick(now_s)
+        person.tick(now_s)
+
+    turn(0.1)
+    states["monitor 2/0"] = "WARNING"
+    turn(0.2)
+    person.say("put down", 0.5)
+    person.new_grasp(1.0, "hold", "monitor 1/0")
+    person.new_grasp(2.0, "drop", "monitor 2/0")
+    person.new_grasp(3.0)
+
+    assert [(t.cameras, t.number, t.alarm, t.reaction, t.outcome, t.ended_s) for t in trials] == [
+        ("left + right", 1, "", "", "held", 1.0),
+        ("left-2 + right-2", 1, "warning", "put down", "dropped", 2.0),
+    ]
+
+
+def test_a_mark_of_one_source_is_of_its_own_grasp_and_the_end_of_all_grasps_of_each() -> None:
+    trials: list[GraspTrial] = []
+    guard = Guard(Interlock(InterlockConfig(min_n=10.0, max_n=40.0)))
+    person = Person(guard, 0.0, trials.append)
+    person.watch({"a": ("monitor 1/0", "monitor 1/1"), "b": ("monitor 2/0",)}, 0.0)
+    person.marked("put down", 0.4, "monitor 2/0")
+    person.say("held", 0.5)
+    person.new_grasp(1.0)
+    assert [(t.cameras, t.reaction, t.outcome) for t in trials] == [
+        ("a", "", "held"), ("b", "put down", ""),
+    ]  # fmt: skip

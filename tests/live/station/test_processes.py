@@ -22,6 +22,7 @@ from taxel.live.station.process_watch import ProcessWatch
 from taxel.live.station.processes import ProcessGroup, Worker
 from taxel.live.station.recorder_link import RecorderLink
 from taxel.live.station.wiring import Wiring
+from taxel.live.station.worker import Place
 
 
 class Process:
@@ -141,6 +142,13 @@ def test_a_process_that_dies_too_often_within_half_a_minute_is_given_up(rig: Rig
     assert not rig.processes.again(worker)
     assert (worker.given_up, worker.starts) == (True, 6)
     assert rig.beats.read(worker.row).work is Work.FAILED
+
+
+def test_a_process_that_follows_a_dead_one_hears_so(rig: Rig):
+    places: list[Place] = []
+    worker = rig.processes.add("source", lambda _: None, places.append)
+    rig.processes.again(worker)
+    assert [place.again for place in places] == [False, True]
 
 
 def test_a_process_that_dies_as_often_but_seldom_is_started_each_time(rig: Rig):

@@ -8,8 +8,10 @@ from typing import Any
 import pytest
 from station_rig import Idle
 
+from taxel.actions.actuators import OutputActuator
 from taxel.actions.gripper import ForceRange
 from taxel.actions.interlock import Interlock, InterlockConfig, InterlockState, Order, OrderKind
+from taxel.actions.plain_output import CallbackOutput
 from taxel.clock import ManualClock
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.live.station import acquisition
@@ -236,3 +238,22 @@ def test_without_an_actuator_the_page_shows_no_gripper():
     guard = Guard(Interlock(InterlockConfig(min_n=15.0, max_n=50.0)))
     assert Driving(guard, 15.0).snapshot() is None
     assert math.isnan(guard.probability)
+
+
+def test_lost_messages_of_an_output_are_reported_once_and_counted() -> None:
+    """A robot's program that was not there got nothing, and nobody heard of it."""
+    reported: list[tuple[float, str]] = []
+    guard = Guard(Interlock(InterlockConfig(min_n=15.0, max_n=50.0)))
+    driving = Driving(guard, 15.0, lambda *words: reported.append(words))
+    answers = iter([None, OSError("away"), OSError("away")])
+
+    def call(_: object) -> None:
+        if (error := next(answers)) is not None:
+            raise error
+
+    driving.add(OutputActuator("robot", CallbackOutput(call, ManualClock())))
+    for number in range(3):
+        driving.tick(number / 100)
+    text = "robot: a message was lost; the summary at the end counts them"
+    assert reported == [(0.01, text)]
+    assert driving.counts() == {"robot": {"sent": 1, "lost": 2}}

@@ -123,6 +123,28 @@ def test_a_killed_monitor_is_reported_alarmed_and_started_again(pour: Path):
 
 @pytest.mark.slow
 @pytest.mark.data
+def test_a_simulator_that_is_started_again_begins_another_grasp():
+    """It begins with its first cup: the grasp seen before is no measure of that one's frames."""
+    config = StationConfig(
+        sources=("sim://cup-pour?kind=still&force_n=50&duration_s=60",),
+        bundles=(shipped_bundle(CUP_POUR),),
+    )
+    notes: list[dict[str, Any]] = []
+    with Station(config, notes.append) as station:
+        station.run(0.0)
+        until(station, lambda: station.guard.shown[0] == "STABLE")
+        source = station.workers()["source"].pid
+        assert source is not None
+        os.kill(source, signal.SIGKILL)
+        notes.clear()
+        until(station, lambda: any("new grasp" in note["kind"] for note in notes))
+        until(station, lambda: any("learning" in note.get("reason", "") for note in notes))
+        until(station, lambda: station.guard.shown[0] == "STABLE")
+    assert station.ledger()["source"]["starts"] == 2
+
+
+@pytest.mark.slow
+@pytest.mark.data
 def test_a_full_disk_is_alarmed_and_the_watch_goes_on(tmp_path: Path):
     config = StationConfig(
         sources=("sim://cup-pour?kind=still&force_n=50&duration_s=60",),
@@ -228,7 +250,11 @@ def test_a_damaged_recording_is_replayed_once_and_given_up_in_words(pour: Path, 
     whole[middle : middle + 64] = bytes(64)
     path.write_bytes(whole)
     with Station(StationConfig(sources=(f"replay://{path}",), bundles=())) as station:
+        view = StationView(station.view_config())
         station.run(60.0)
+        (shown,) = view.snapshot()["sources"]
+        view.close()
+    assert (shown["state"], str(path) in shown["note"]) == ("failed", True)
     assert station.failed == "source"
     assert station.ledger()["source"]["starts"] == 1
     (text,) = [text for _, _, text in station.events if "given up" in text]

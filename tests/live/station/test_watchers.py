@@ -158,14 +158,14 @@ def test_the_frames_before_an_outcome_belong_to_the_grasp_that_ends(rig: Rig):
     notes = rig.take(*pair(1.0), outcome(1.01, "drop"), *pair(1.5))
     assert rig.monitor.asked == ["push 1", "over 1.01", "push 1.5"]
     assert [note["kind"] for note in notes] == ["grasp", "new grasp", "grasp", "grasp"]
-    assert notes[1]["outcome"] == "drop"
+    assert (notes[1]["outcome"], notes[1]["who"]) == ("drop", "monitor/0")
     assert [note.get("state") for note in notes] == ["STABLE", None, "NO_GRASP", "STABLE"]
 
 
 def test_a_new_grasp_that_the_supervisor_orders_forgets_the_old_one(rig: Rig):
-    notes = rig.take({"do": "new grasp"}, *pair(1.0))
+    notes = rig.take({"do": "new grasp", "all": True}, *pair(1.0))
     assert rig.monitor.asked == ["reset", "push 1"]
-    assert notes[0] == {"kind": "new grasp", "outcome": ""}
+    assert notes[0] == {"kind": "new grasp", "outcome": "", "who": ""}
     assert rig.take({"do": "new grasp", "report": False}) == []  # another process reports it
 
 
@@ -186,7 +186,7 @@ def test_a_mark_of_the_hand_in_the_same_file_ends_no_grasp(rig: Rig):
 def test_a_reaction_that_the_source_marked_is_reported_at_its_own_time(rig: Rig):
     mark = Mark(start_s=0.7, end_s=0.7, labels={"reaction": "put down"})
     assert rig.take(*pair(1.0), mark)[0] == {
-        "kind": "reaction", "what": "put down", "time_s": 0.7,
+        "kind": "reaction", "who": "monitor/0", "what": "put down", "time_s": 0.7,
     }  # fmt: skip
 
 

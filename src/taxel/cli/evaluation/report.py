@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import tyro
 
 from taxel.cli.options.rules import Only
-from taxel.cli.printing import print_json, progress, say
+from taxel.cli.printing import print_json, progress, say, say_aside
 from taxel.errors import BadFile, BadInput
 from taxel.foreign.json_text import read_json
+from taxel.plain_text import visible_names
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -141,11 +142,12 @@ class Report:
                     latencies[name] = time_run(load_run(path))
             if self.audit:
                 audits += self._audits(runs, paths, on_step)
+            card = self._card(runs, on_step)
             write_run_report(
                 output,
                 RunPage(
                     runs=runs,
-                    card=self._card(runs, on_step),
+                    card=card,
                     adapted=adapted,
                     audits=audits,
                     latencies=latencies,
@@ -154,6 +156,17 @@ class Report:
                     tables=tables,
                     made=Provenance.now(),
                 ),
+            )
+        if self.data is not None and card is not None:
+            self._note_others(runs, card)
+
+    def _note_others(self, runs: Mapping[str, Run], card: DataCard) -> None:
+        """Say which runs were trained on other recordings than those of --data."""
+        others = [name for name, run in runs.items() if run.contract.data_digest != card.digest]
+        if others:
+            say_aside(
+                f"note: {self.data} holds other recordings than those of {visible_names(others)}; "
+                "the page's data card describes what it holds"
             )
 
     def _card(self, runs: dict[str, Run], on_step: Callable[[str], None]) -> DataCard | None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from taxel.cli.live.summaries import answers_lines
 from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.cli.recordings.recording import SUMMARY_FOLLOWS, stop_signals
-from taxel.plain_text import number_of
+from taxel.plain_text import number_of, visible
 
 if TYPE_CHECKING:
     from taxel.actions.rule_table import RuleTable
@@ -91,7 +91,8 @@ def _run(options: ArrayOptions, bundles: Sequence[Bundle]) -> list[Tally]:
     stills = [still_watch_of(bundle.contract) for bundle in bundles]
     notices = _InputNotices()
     with stop_signals(SUMMARY_FOLLOWS) as stopped:
-        for address in recordings_of(options.source):
+        addresses = recordings_of(options.source)
+        for address in addresses:
             files = replayed_files(address)
             groups = {}
             if files:  # as `trials_of` has them
@@ -104,6 +105,8 @@ def _run(options: ArrayOptions, bundles: Sequence[Bundle]) -> list[Tally]:
                     )
                 ]
                 tallies = _run_source(options, source, recognisers, notices, stopped)
+            for tally in tallies if len(addresses) > 1 else ():
+                tally.recording = files[0].stem
             for total, tally in zip(totals, tallies, strict=bool(totals)):
                 total.take_in(tally)
             totals = totals or tallies
@@ -160,22 +163,20 @@ def _trained_on_warning(bundle: Bundle, source: str) -> str | None:
 
 def _summary_lines(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield what stands below a bundle's counts of answers: each line and its style."""
-    from taxel.windows.following import GateMove
-
     yield from _accuracy_lines(result)
     if result["filled"]:
         yield f"{number_of(result['filled'], 'window')} had short gaps filled in", ""
     for move in result["gate_moves"]:
-        yield f"{move['time_s']:.1f} s: {GateMove(**move).words()}", ""
+        yield f"{_when(move)}: {move['text']}", ""
     for still in result["still_channels"]:
-        yield f"warning: {still['time_s']:.1f} s: {still['text']}", "yellow"
+        yield f"warning: {_when(still)}: {still['text']}", "yellow"
     for scale in result["other_scales"]:
-        yield f"warning: {scale['time_s']:.1f} s: {scale['text']}", "yellow"
+        yield f"warning: {_when(scale)}: {scale['text']}", "yellow"
     if result["untouched"]:
         yield f"note: {result['untouched']}", ""
     for change in result["rate_changes"]:
         warning = "" if change["fits"] else "warning: "
-        yield f"{warning}{change['time_s']:.1f} s: {change['text']}", "yellow"
+        yield f"{warning}{_when(change)}: {change['text']}", "yellow"
     for outage in result["outages"]:
         yield f"warning: {_outage_words(outage)}", "yellow"
     if result["level"] is not None:
@@ -207,10 +208,16 @@ def _accuracy_lines(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield f"warning: {result['warning']}", "yellow"
 
 
+def _when(news: dict[str, Any], key: str = "time_s") -> str:
+    """Return when something happened: seconds from the first scan, and of which recording."""
+    where = f"{visible(news['recording'])}, " if news["recording"] else ""
+    return f"{where}{news[key]:.1f} s"
+
+
 def _outage_words(outage: dict[str, Any]) -> str:
     """Return from when to when no values were usable, and why."""
     until = "the end" if outage["end_s"] is None else f"{outage['end_s']:.1f} s"
-    return f"{outage['start_s']:.1f} s to {until}: no usable values ({outage['reason']})"
+    return f"{_when(outage, 'start_s')} to {until}: no usable values ({outage['reason']})"
 
 
 class _InputNotices:

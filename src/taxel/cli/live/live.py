@@ -99,7 +99,8 @@ class Live:
     """Print one JSON summary for each bundle at the end. marked: windows within finished, labelled
     grasps; right: the correct ones among them; grasps: such grasps with a window; grasps_right:
     those correct in all windows; grasps_without: grasps without a window; latencies in µs, from the
-    last sample to the decision."""
+    last sample to the decision; time_s, start_s and end_s: seconds from the first scan of the
+    recording or source."""
 
     RULES: ClassVar = (
         Only(("arm",), "--gripper", lambda o: o.gripper),
@@ -126,6 +127,8 @@ class Live:
         rules = RuleTable(())
         if self.rules is not None:
             rules = read_rules(self.rules, _known_classes(files, trust))
+        if any(map(is_grasp_bundle, files)):
+            self._refuse_footage()
         if self._needs_station() or (len(files) > 1 and any(map(is_grasp_bundle, files))):
             from taxel.cli.live.station import live_station
 
@@ -151,6 +154,19 @@ class Live:
                     calibration=self.calibration, json=self.json,
                 )
             )  # fmt: skip
+
+    def _refuse_footage(self) -> None:
+        """Refuse videos, which a monitor can watch as recordings alone.
+
+        Raises:
+            BadTable: A source is a video, an image, or a folder of them.
+        """
+        from taxel.windows.camera_trials import refuse_footage  # needs cameras' extra
+
+        for source in (self.source, *self.beside):
+            path = Path(source.removeprefix("replay://"))
+            if path.exists():
+                refuse_footage(path, imported=True)
 
     def _check_numbers(self) -> None:
         """Raise BadInput where a number is out of its limits."""

@@ -36,7 +36,7 @@ def trials_line(trials: list[dict[str, Any]]) -> str:
     came = Counter(trial["outcome"] or "unknown" for trial in trials)
     each = ", ".join(f"{count} {name}" for name, count in came.most_common())
     many = f"{len(trials)} grasp{'' if len(trials) == 1 else 's'}"
-    total = max((trial["number"] for trial in trials), default=0)
+    total = sum({trial["cameras"]: trial["number"] for trial in trials}.values())
     if total > len(trials):  # a station keeps the latest alone
         many = f"the last {len(trials)} of {total} grasps"
     return f"{many}: {warned} with an alarm, {done} with a reaction; {each}"
@@ -57,6 +57,7 @@ def station_summary(station: Station) -> dict[str, Any]:
             for stage, values in station.latencies.percentiles_ms().items()
         },
         "processes": station.ledger(),
+        "outputs": station.driving.counts(),
         "recording": station.recording,
     }
 
@@ -82,6 +83,9 @@ def print_station_summary(summary: dict[str, Any]) -> None:
             f"  {name}: {number_of(process['produced'], 'message')} produced, "
             f"{process['consumed']} received, {process['dropped']} lost{again}"
         )
+    for name, count in summary["outputs"].items():
+        sent = number_of(count["sent"], "message")
+        say(f"  {visible(name)}: {sent} sent, {count['lost']} lost")
     if summary["latency_ms"]:
         parts = [
             f"{stage} {quantiles['p50']:.1f}" for stage, quantiles in summary["latency_ms"].items()

@@ -73,26 +73,29 @@ def acquire(job: Acquisition) -> None:
                 sleep(_WAIT_S / 4)
             if isinstance(source, Begun):
                 source.begin()
+                if job.place.again:  # unlike a camera's, its grasp begins anew
+                    writer.put(pack({"do": "new grasp"}))
             _pump(source, writer, orders, pulse, job)
 
 
 def _pump(
     source: Source, writer: RingWriter, orders: RingReader, pulse: Pulse, job: Acquisition
 ) -> None:
+    news = SourceNews(source, job.url)
     try:
-        _hand_on(source, writer, orders, pulse, job)
-    except Exception:
+        _hand_on(source, writer, orders, pulse, news)
+    except Exception as error:
+        writer.put(pack(news.failed(error, monotonic())))
         if job.once:
             writer.put(_over())
         raise
 
 
 def _hand_on(
-    source: Source, writer: RingWriter, orders: RingReader, pulse: Pulse, job: Acquisition
+    source: Source, writer: RingWriter, orders: RingReader, pulse: Pulse, news: SourceNews
 ) -> None:
     ended = False
     last_s = -math.inf
-    news = SourceNews(source, job.url)
     while not pulse.stopping:
         if source.ended and not ended:
             ended = True

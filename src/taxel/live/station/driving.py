@@ -5,9 +5,16 @@ Knows nothing about processes or models.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
-from taxel.actions.actuators import Actuator, FollowsGrasps, TakesAnswers, hear_all
+from taxel.actions.actuators import (
+    Actuator,
+    CountsMessages,
+    FollowsGrasps,
+    TakesAnswers,
+    hear_all,
+)
 from taxel.actions.interlock import Order, OrderKind
 from taxel.live.station.acting import SimulatedGrip
 from taxel.live.station.guard import Guard
@@ -19,18 +26,29 @@ class Driving:
     Args:
         guard: Orders, and receives what is wrong with them.
         least_n: The force at which a grasp begins, newtons.
+        happened: Called with a moment and words for a person.
     """
 
-    def __init__(self, guard: Guard, least_n: float) -> None:
-        self._guard = guard
+    def __init__(
+        self,
+        guard: Guard,
+        least_n: float,
+        happened: Callable[[float, str], None] = lambda *_: None,
+    ) -> None:
+        self._guard, self._happened = guard, happened
         self._least_n = least_n
         self._actuators: list[Actuator] = []
+        self._outputs: list[CountsMessages] = []
+        self._losing: set[str] = set()
+        """Names of outputs of which it was said that messages are lost."""
         self._faults: dict[str, str] = {}
         self._releasing = False
 
     def add(self, actuator: Actuator) -> None:
         """Give each tick's order to one more actuator, which is connected."""
         self._actuators.append(actuator)
+        if isinstance(actuator, CountsMessages):
+            self._outputs.append(actuator)
 
     def new_grasp(self) -> None:
         """Hear that a new grasp begins: said to all, and by itself it lowers nothing.
@@ -55,12 +73,17 @@ class Driving:
         for actuator in self._actuators:
             actuator.apply(self._guard.decision, order, now_s)
         self._weigh(faults, now_s)
+        self._report_losses(now_s)
 
     def recognised(self, answer: dict[str, Any]) -> None:
         """Hand on what a recogniser has just answered, to those that take it."""
         for actuator in self._actuators:
             if isinstance(actuator, TakesAnswers):
                 actuator.recognised(answer)
+
+    def counts(self) -> dict[str, dict[str, int]]:
+        """Return how many messages each output has sent and lost."""
+        return {output.name: output.counts() for output in self._outputs}
 
     def snapshot(self) -> dict[str, Any] | None:
         """Return how the gripper does, as the page's link gives it; None without any."""
@@ -73,6 +96,14 @@ class Driving:
             "note": next(iter(self._faults.values()), interlock.reason),
             **self._actuators[0].snapshot(),
         }  # fmt: skip
+
+    def _report_losses(self, now_s: float) -> None:
+        """Report of each output, once, that messages are lost."""
+        for output in self._outputs:
+            if output.name not in self._losing and output.counts()["lost"]:
+                self._losing.add(output.name)
+                text = f"{output.name}: a message was lost; the summary at the end counts them"
+                self._happened(now_s, text)
 
     def _release(self, order: Order) -> None:
         """Let the interlock's force begin anew; never once this grasp was raised or stopped."""

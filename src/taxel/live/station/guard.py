@@ -9,7 +9,7 @@ Background of our choices: docs/decisions/0030.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -78,6 +78,7 @@ class Guard:
         self.alarms = AlarmLatch()
         self._config = config or GuardConfig()
         self._monitors: dict[str, _Monitor] = {}
+        self._weighed_last: dict[str, StabilityDecision] = {}
         self._shown = (NO_GRASP, "", 0.0)
         self._doubt = ""
         self._decision = StabilityDecision(
@@ -201,8 +202,8 @@ class Guard:
         silent = self._silent(now_s)
         if self._monitors:
             every, decided_s = self._weighed(silent, now_s)
-            worst = max(every.values(), key=lambda decision: _WORST.index(decision.state))
-            decision = self._decision = replace(worst, slip=self.slip)
+            self._weighed_last = every
+            decision = self._decision = replace(_worst_of(every.values()), slip=self.slip)
             self.alarms.watch(decision, armed=self.interlock.armed, now_s=now_s)
             force_n = self._asked_n(every, now_s)
             self.interlock.decision(decision.state.name, decided_s, force_n)
@@ -224,6 +225,10 @@ class Guard:
     def decision(self) -> StabilityDecision:
         """All monitors' decisions as one, as of the last tick."""
         return self._decision
+
+    def state_of(self, names: Iterable[str]) -> Stability:
+        """Return the worst state of some monitors, as of the last tick."""
+        return _worst_of([self._weighed_last[name] for name in names]).state
 
     @property
     def probability(self) -> float:
@@ -333,6 +338,10 @@ class Guard:
                 reason = REASONS["alarm"].say()
         since_s = self._shown[2] if word == self._shown[0] else now_s
         self._shown = (word, reason, since_s)
+
+
+def _worst_of(decisions: Iterable[StabilityDecision]) -> StabilityDecision:
+    return max(decisions, key=lambda decision: _WORST.index(decision.state))
 
 
 def _slip_of(note: dict[str, Any]) -> Slip | None:

@@ -167,11 +167,11 @@ class _GraspWatcher:
                 self._watch(sets, came, pulse)
                 sets = []
                 if packet.get("report", True):
-                    self._report_grasp()
+                    self._report_grasp(every=packet.get("all", False))
                 self._monitor.reset()
             elif isinstance(packet, Mark) and "reaction" in packet.labels:
                 reaction = {"what": packet.labels["reaction"], "time_s": packet.start_s}
-                self._writer.put(pack({"kind": "reaction", **reaction}))
+                self._writer.put(pack({"kind": "reaction", "who": self._who, **reaction}))
             elif isinstance(packet, dict) and "ended" in packet:
                 self._monitor.end()
         self._watch(sets, came, pulse)
@@ -197,10 +197,11 @@ class _GraspWatcher:
         if changed or now_s - self._sent_s >= _AGAIN_S:
             self._say(decision, now_s)
 
-    def _report_grasp(self, outcome: str = "") -> None:
-        """Send that a new grasp begins, and what came of the one before, where that is known."""
+    def _report_grasp(self, outcome: str = "", *, every: bool = False) -> None:
+        """Send that a new grasp begins here, or everywhere, and what came of the one before."""
         if self._reports:
-            self._writer.put(pack({"kind": "new grasp", "outcome": outcome}))
+            who = "" if every else self._who
+            self._writer.put(pack({"kind": "new grasp", "outcome": outcome, "who": who}))
 
     def _say(self, decision: StabilityDecision, now_s: float) -> None:
         """Send a decision that no frames gave, taken now."""

@@ -336,13 +336,13 @@ def _shown_array(seen: PageSeen) -> _Array:
 
 
 def _how_it_does(note: dict[str, Any], age_s: float) -> dict[str, Any]:
-    """Return a source's newest report; one that is old claims nothing of the present.
+    """Return a source's newest report; an old one claims nothing of the present, save an end.
 
     Args:
         note: As `source_news` makes it.
         age_s: How long ago it came, seconds.
     """
-    if age_s <= _SILENT_S or note["state"] == "ended":
+    if age_s <= _SILENT_S or note["state"] in ("ended", "failed"):
         return note
     return note | {"state": "silent", "rate_hz": 0.0, "note": f"no report for {age_s:.0f} s"}
 

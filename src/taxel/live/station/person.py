@@ -7,8 +7,9 @@ Background of our choices: docs/decisions/0046.
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -36,13 +37,24 @@ class Person:
         self._guard = guard
         self._on_trial = on_trial
         self._adviser = Adviser()
-        self._reactions = Reactions(now_s)
+        self._watchers: dict[str, tuple[str, ...]] = {"": ()}
+        self.begin(now_s)
         self.trials: deque[GraspTrial] = deque(maxlen=_KEPT)
         """Grasps that are over and in which anything happened, oldest first."""
 
+    def watch(self, watchers: Mapping[str, tuple[str, ...]], now_s: float) -> None:
+        """Follow the grasps of several sources, each by itself.
+
+        Args:
+            watchers: Names of a source's cameras → those of its grasp monitors.
+            now_s: Monotonic seconds.
+        """
+        self._watchers = dict(watchers) or self._watchers
+        self.begin(now_s)
+
     def begin(self, now_s: float) -> None:
         """Begin the first grasp now, once everything runs."""
-        self._reactions = Reactions(now_s)
+        self._reactions = {cameras: Reactions(now_s, cameras) for cameras in self._watchers}
 
     def tick(self, now_s: float) -> None:
         """Weigh what to say, after the guard has weighed what to order."""
@@ -57,7 +69,9 @@ class Person:
             state = self._guard.alarms.shown(decision.state)
             advice = advise(state, raises=interlock.armed, at_limit=at_limit)
             given = self._adviser.push(advice, now_s)
-        self._reactions.watch(decision.state, given.advice.value, now_s)
+        for cameras, watchers in self._watchers.items():
+            state = self._guard.state_of(watchers) if watchers else decision.state
+            self._reactions[cameras].watch(state, given.advice.value, now_s)
 
     def say(self, what: str, now_s: float) -> None:
         """Log the person's reaction to the grasp, or its outcome.
@@ -65,24 +79,39 @@ class Person:
         Raises:
             ValueError: It is neither.
         """
-        self._reactions.say(what, now_s)
+        self._foremost().say(what, now_s)
 
-    def marked(self, what: str, time_s: float) -> None:
-        """Hear a word that the source has marked; any other is none."""
+    def marked(self, what: str, time_s: float, who: str = "") -> None:
+        """Hear a word that the source of a monitor has marked; any other is none."""
         with suppress(ValueError):
-            self._reactions.say(what, time_s)
+            for reactions in self._of(who):
+                reactions.say(what, time_s)
 
     def acknowledged(self, now_s: float) -> None:
         """Hear that the person has acknowledged the alarms."""
-        self._reactions.acknowledged(now_s)
+        for reactions in self._reactions.values():
+            reactions.acknowledged(now_s)
 
-    def new_grasp(self, now_s: float, outcome: str = "") -> None:
-        """End this grasp's trial; the next begins."""
-        trial = self._reactions.end(now_s, outcome)
+    def new_grasp(self, now_s: float, outcome: str = "", who: str = "") -> None:
+        """End the trial of a monitor's grasp, of every grasp unless named; the next begins."""
         self._adviser.reset(now_s)
-        if trial is not None:
-            self.trials.append(trial)
-            self._on_trial(trial)
+        for reactions in self._of(who):
+            trial = reactions.end(now_s, outcome)
+            if trial is not None:
+                self.trials.append(trial)
+                self._on_trial(trial)
+
+    def _of(self, who: str) -> list[Reactions]:
+        """Return the grasp that a monitor watches; every grasp where none is named."""
+        own = [cameras for cameras, names in self._watchers.items() if who in names]
+        return [self._reactions[cameras] for cameras in own or self._watchers]
+
+    def _foremost(self) -> Reactions:
+        """Return the grasp that a person speaks of: that of the last alarm, else the latest."""
+        return max(
+            self._reactions.values(),
+            key=lambda own: (own.trial.alarm_s or -math.inf, own.trial.began_s),
+        )
 
     def advice(self, answers: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
         """Return the advice that the page shows, or the recognisers' actions; None for neither.
@@ -101,4 +130,4 @@ class Person:
 
     def trial(self) -> dict[str, Any] | None:
         """Return the grasp that is watched as the page shows it; None where none is."""
-        return self._reactions.snapshot() if self._guard.shown[0] != NO_GRASP else None
+        return self._foremost().snapshot() if self._guard.shown[0] != NO_GRASP else None

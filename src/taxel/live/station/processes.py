@@ -20,7 +20,7 @@ from typing import Any
 
 from taxel.errors import BadSource, TaxelError
 from taxel.live.station.beats import Beats, Work
-from taxel.live.station.worker import Place
+from taxel.live.station.worker import LONGEST_WHY, Place
 
 _OPEN_S = 30.0
 """How long a process may take to open what it needs, seconds. Source: our choice."""
@@ -29,8 +29,6 @@ _END_S = 5.0
 work, since its last sign of life. Source: our choice."""
 _LOOK_S = 0.05
 """How often it is looked at meanwhile, seconds. Our choice."""
-_LONGEST_WHY = 300
-"""Characters of a process's own words on why it ended. Source: our choice, docs/decisions/0019."""
 _RESTARTS, _WITHIN_S = 5, 30.0
 """A process that dies more often than so many times in so many seconds is given up. Our choice."""
 
@@ -196,7 +194,7 @@ class ProcessGroup:
         mine, theirs = self._context.Pipe(duplex=False)
         place = Place(
             name=worker.name, beats=self._beats.name, row=worker.row, parent=os.getpid(),
-            report=theirs, ends_itself=worker.ends_itself,
+            report=theirs, ends_itself=worker.ends_itself, again=worker.starts > 0,
         )  # fmt: skip
         # Not daemonic: cameras have a capture process each. A worker ends with its parent.
         worker.process = self._context.Process(
@@ -219,4 +217,4 @@ def _why(worker: Worker) -> str:
     if words[0] == "opened":
         return ""
     text = str(words[1]).partition("\n")[0].rstrip(".")
-    return f" ({text[:_LONGEST_WHY]})"
+    return f" ({text[:LONGEST_WHY]})"

@@ -11,6 +11,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from taxel.live.station.worker import LONGEST_WHY
 from taxel.plain_text import number_of
 from taxel.signals import Frame, Samples, Validity
 from taxel.sources.cameras.link import CameraLedger
@@ -100,6 +101,11 @@ class SourceNews:
             "produced": self._produced, "lost": self._lost,
             "note": "; ".join(self._notes()),
         }  # fmt: skip
+
+    def failed(self, error: Exception, now_s: float) -> dict[str, Any]:
+        """Return the last note of a source that raised an error."""
+        why = str(error).partition("\n")[0] or type(error).__name__
+        return self.note(now_s) | {"state": "failed", "rate_hz": 0.0, "note": why[:LONGEST_WHY]}
 
     def _notes(self) -> list[str]:
         """Return what is wrong, and why where the source knows."""

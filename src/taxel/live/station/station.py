@@ -77,7 +77,7 @@ class Station:
         limits = config.interlock
         policy = GripPolicy(max(limits.min_n, 0.1), GripPolicyConfig(most_n=limits.max_n))
         self.guard = Guard(Interlock(limits), config.guard, policy)
-        self._driving = Driving(self.guard, limits.min_n)
+        self.driving = Driving(self.guard, limits.min_n, self._happened)
         self._recorder = RecorderLink(self.guard, self._happened)
         self.person = Person(self.guard, monotonic(), self._recorder.keep_trial)
         self.latencies = Latencies()
@@ -156,7 +156,7 @@ class Station:
 
     def drive(self, actuator: Actuator) -> None:
         """Give each tick's order to one more actuator, which is connected."""
-        self._driving.add(actuator)
+        self.driving.add(actuator)
 
     def arm(self) -> tuple[str, ...]:
         """Arm the interlock, on behalf of a person at the terminal; return what forbids it."""
@@ -258,7 +258,7 @@ class Station:
                 self._happened(now_s, gap)
         notes = self._hear(now_s)
         self._watch.look(now_s)
-        self._driving.tick(now_s)
+        self.driving.tick(now_s)
         self.person.tick(now_s)
         acted_s = monotonic()
         for note in notes:
@@ -301,7 +301,7 @@ class Station:
                 if all(worker is not feed.worker for feed in self.wiring.feeds)
             ],
             "latency_ms": self.latencies.lately_ms(now_s),
-            "gripper": self._driving.snapshot(),
+            "gripper": self.driving.snapshot(),
             "recording": self._recorder.snapshot(),
             "events": [[time_s, text] for _, time_s, text in self.events],
         }  # fmt: skip
@@ -330,10 +330,10 @@ class Station:
     def _take_in(self, note: dict[str, Any], now_s: float) -> None:
         """Pass one note of a monitor or a recogniser on to whom it concerns."""
         if note["kind"] == "new grasp":
-            self._driving.new_grasp()
-            self.person.new_grasp(now_s, str(note.get("outcome", "")))
+            self.driving.new_grasp()
+            self.person.new_grasp(now_s, str(note.get("outcome", "")), note.get("who", ""))
         elif note["kind"] == "reaction":
-            self.person.marked(str(note["what"]), float(note["time_s"]))
+            self.person.marked(str(note["what"]), float(note["time_s"]), note.get("who", ""))
         elif note["kind"] == "grasp":
             self.guard.decide(note["who"], note)
             self._recorder.keep_slip(note)
@@ -345,7 +345,7 @@ class Station:
             self.say(note["text"])
         else:
             answer, news = self.answers.add(note)
-            self._driving.recognised(answer)
+            self.driving.recognised(answer)
             if news:
                 self._happened(now_s, news)
 
@@ -374,6 +374,7 @@ class Station:
         for monitor in wiring.monitors:
             for who in monitor.watchers:
                 self.guard.expect(who, now_s)
+        self.person.watch(wiring.watchers_by_cameras(), now_s)
         own = [e for monitor in wiring.monitors for e in monitor.bundles if e["kind"] == "answer"]
         self.answers = Answers(own, self.config.rules)
         wiring.levels = self.answers.levels

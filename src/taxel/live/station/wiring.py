@@ -28,7 +28,7 @@ from taxel.live.station.packets import pack
 from taxel.live.station.page_link import PageSeen, ViewConfig
 from taxel.live.station.processes import ProcessGroup, Worker
 from taxel.live.station.recorder_link import RECORDER
-from taxel.live.station.recording import Recording, choose_recorded, record
+from taxel.live.station.recording import Recording, apart, choose_recorded, record
 from taxel.live.station.ring import Ring, RingReader, RingWriter
 from taxel.live.station.worker import Place
 from taxel.models.devices import CPU
@@ -100,6 +100,8 @@ class MonitorLink:
     decisions: str
     heard: RingReader
     to: RingWriter
+    feed: Feed
+    """The source that it follows."""
     bundles: list[dict[str, Any]] = field(default_factory=list)
     """What each bundle is."""
 
@@ -115,11 +117,11 @@ class MonitorLink:
 
 
 def begin_grasp(monitors: Sequence[MonitorLink]) -> None:
-    """Order every monitor to begin a new grasp; the first process that watches one reports it."""
+    """Order every monitor to begin a new grasp; the first process that watches one reports all."""
     first = next((monitor for monitor in monitors if monitor.watches), None)
     for monitor in monitors:
-        quiet = {} if monitor is first else {"report": False}
-        monitor.to.put(pack({"do": "new grasp", **quiet}))
+        report = {"all": True} if monitor is first else {"report": False}
+        monitor.to.put(pack({"do": "new grasp", **report}))
 
 
 class Wiring:
@@ -230,6 +232,17 @@ class Wiring:
             who for monitor in self.monitors if monitor.worker is worker for who in monitor.watchers
         ]
 
+    def watchers_by_cameras(self) -> dict[str, tuple[str, ...]]:
+        """Return the grasp monitors of each source, by its cameras as a recording names them."""
+        cameras = iter(apart([camera for feed in self.feeds for camera in feed.cameras]))
+        found = {}
+        for feed in self.feeds:
+            names = [next(cameras).name for _ in feed.cameras]
+            watchers = [who for m in self.monitors if m.feed is feed for who in m.watchers]
+            if watchers:
+                found[" + ".join(names)] = tuple(watchers)
+        return found
+
     def _start_feed(self, url: str, number: int) -> None:
         ring, orders = self.ring(_RING_BYTES), self.ring()
         name = f"source {number + 1}" if len(self._config.sources) > 1 else "source"
@@ -285,7 +298,7 @@ class Wiring:
         heard = self._stack.enter_context(RingReader(decisions))
         to = self._stack.enter_context(RingWriter(orders))
         self.monitors.append(
-            MonitorLink(self._processes.add(name, infer, job), decisions, heard, to)
+            MonitorLink(self._processes.add(name, infer, job), decisions, heard, to, feed)
         )
 
     def _start_recorder(self) -> Worker:

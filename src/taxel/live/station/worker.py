@@ -25,6 +25,8 @@ from taxel.processes import signal_at_parents_end
 
 _NICENESS = -10
 """Of every rank above ORDINARY, where real-time scheduling is not permitted. Our choice."""
+LONGEST_WHY = 300
+"""Characters of a process's own words on why it ended. Source: our choice, docs/decisions/0019."""
 _given_up: list[int] = []
 """The niceness that this process had before it hurried, to go back to: `nice taxel …` stays so."""
 _SWITCH_S = 0.0005
@@ -67,6 +69,8 @@ class Place:
     """It completes its work without the supervisor, and ends; else it is killed with it."""
     report: Connection
     """Where it says what it opened, or why it could not."""
+    again: bool = False
+    """It follows a process that died."""
 
 
 class Pulse:

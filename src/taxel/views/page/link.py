@@ -41,8 +41,8 @@ class StationLink(Protocol):
             answers: list of {target, label, confidence 0…1, reason, action and time_s (may be left
                 out)}; time_s is of the station's clock, an empty label that of no answer yet;
             sources: list of {name, url, kind ("array" or "cameras"), state ("live",
-                "reconnecting", "stale", "frozen", "late", "gone", "silent", "ended"), rate_hz,
-                nominal_hz, produced, lost, note};
+                "reconnecting", "stale", "frozen", "late", "gone", "silent", "ended", "failed"),
+                rate_hz, nominal_hz, produced, lost, note};
             consumers: list of {name, consumed, dropped, beat_age_s, state};
             latency_ms: {stage: [p50, p95, p99]}, milliseconds;
             gripper: {interlock, armed, force_n, commanded_n, motion, note}, or None;

@@ -38,8 +38,8 @@ def person_part(logs: Mapping[str, Sequence[GraspTrial]]) -> Html:
         parts.append(figure(_chart(reactions), _interval_words(reactions)))
     parts.append(_outcomes(reactions))
     rows = [_row(name, trial) for name, own in logs.items() for trial in own]
-    head = ["log", "grasp", "alarm", "advice", "acknowledged, s", "reaction", "reaction time, s",
-            "outcome", "by"]  # fmt: skip
+    head = ["log", "cameras", "grasp", "alarm", "advice", "acknowledged, s", "reaction",
+            "reaction time, s", "outcome", "by"]  # fmt: skip
     parts.append(table(head, rows[:_MOST_ROWS]))
     if len(rows) > _MOST_ROWS:
         parts.append(tag("p", f"{len(rows) - _MOST_ROWS} more not shown."))
@@ -101,7 +101,7 @@ def _row(name: str, trial: GraspTrial) -> list[object]:
     seen = trial.acknowledged_s
     since = None if seen is None or trial.alarm_s is None else seen - trial.alarm_s
     return [
-        name, str(trial.number), trial.alarm or "–", trial.advice or "–", number(since, 2),
-        trial.reaction or "–", number(trial.reaction_time_s, 2), trial.outcome or "–",
-        trial.outcome_by or "–",
+        name, trial.cameras or "–", str(trial.number), trial.alarm or "–", trial.advice or "–",
+        number(since, 2), trial.reaction or "–", number(trial.reaction_time_s, 2),
+        trial.outcome or "–", trial.outcome_by or "–",
     ]  # fmt: skip

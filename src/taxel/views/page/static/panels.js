@@ -77,7 +77,7 @@ export function drawAlarms(alarms, now) {
 }
 
 const GOOD = new Set(["live", "ok", "alive", "running"]);
-const MARKS = { silent: "✕", live: "●", ok: "●", alive: "●", running: "●", ended: "■", gone: "✕", frozen: "❄", stale: "◌", late: "◔", reconnecting: "↻" };
+const MARKS = { failed: "✕", silent: "✕", live: "●", ok: "●", alive: "●", running: "●", ended: "■", gone: "✕", frozen: "❄", stale: "◌", late: "◔", reconnecting: "↻" };
 
 function mark(state) {
   return `${MARKS[state] || "▲"} ${state}`;
