@@ -20,7 +20,7 @@ from typing import Final
 from taxel.bench.rows import Row, missing, row
 from taxel.bench.transitions.slip_warning import RULE, Warner, kept, poses_folder, shipped_warner
 from taxel.bundles.shipped import BOTH_GELS, CUP_POUR
-from taxel.evaluation.early_warning.learn_layer_warning import layer_features
+from taxel.evaluation.early_warning.learn_layer_warning import GOAL, layer_features
 from taxel.evaluation.early_warning.learn_slip_warning import (
     fit_head,
     head_drive,
@@ -116,14 +116,14 @@ def learnt_warners(second: Sequence[PourFeatures]) -> list[Warner]:
 
 
 def _learned(pours: Sequence[PourFeatures]) -> Warner:
-    tracks = promised(out_of_fold(pours, "forecast"))
+    tracks = promised(out_of_fold(pours, "forecast", GOAL))
     promise = keep_promise(tracks, PER_MIN)
     scores = score_warnings(tracks, promise.threshold)[0].events
     note = (
         f"{kept(promise)}, where it warns {scores.lead_median_s:.2f} s before and misses "
         f"{scores.missed_share:.3f} of {scores.events}"
     )
-    drive = partial(head_drive, fit_head(pours, "forecast"))
+    drive = partial(head_drive, fit_head(pours, "forecast", GOAL))
     return Warner("learned on gel 2", drive, promise.threshold, note)
 
 

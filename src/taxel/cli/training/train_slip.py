@@ -20,7 +20,7 @@ if TYPE_CHECKING:
         WarningScores,
         WarningTrack,
     )
-    from taxel.training.slip.heads import PourFeatures
+    from taxel.training.slip.heads import Goal, PourFeatures
 
 _MOST_PER_MIN = 60.0
 _FEWEST_CUPS = 8
@@ -39,8 +39,9 @@ class TrainSlip:
     output: Path
     """The bundle to write, NAME.taxel; an older one there is replaced."""
     head: Literal["forecast", "boosting", "logistic", "rule"] = "forecast"
-    """What is learned. forecast: how far the object will slip within 0.5 s and 1 s. boosting and
-    logistic: whether it slips within 1 s. rule: only the threshold for slip and its rate."""
+    """What is learned. forecast: how far the object will slip within 0.5 s and 1 s (with --gel 2,
+    0.75 s). boosting and logistic: whether it slips within 1 s. rule: only the threshold for slip
+    and its rate."""
     gel: Literal["1", "2", "both"] = "1"
     """How the simulated gels shear: 1, as rigid pieces; 2, as elastic layers; both: some of each,
     and the rate of false alarms is kept on either."""
@@ -74,10 +75,10 @@ class TrainSlip:
             def on_step(line: str) -> None:
                 bar.update(task, description=line, advance=1)
 
-            pours, learned_on = self._pours(on_step)
+            pours, goal, learned_on = self._pours(on_step)
             warning, promise, tracks = learn.make_warning(
-                pours, self.head, self.false_alarms, self.false_alarms_shear, seed=self.seed,
-                on_step=on_step,
+                pours, self.head, self.false_alarms, self.false_alarms_shear, goal=goal,
+                seed=self.seed, on_step=on_step,
             )  # fmt: skip
         scores = _by_gel(learn.promised(tracks), promise.threshold)
         measured: dict[str, float] = {}
@@ -104,19 +105,19 @@ class TrainSlip:
             return
         _print(self, promise, scores, parity)
 
-    def _pours(self, on_step: Callable[[str], None]) -> tuple[list[PourFeatures], str]:
-        """Return training pours, and what the bundle says of them."""
+    def _pours(self, on_step: Callable[[str], None]) -> tuple[list[PourFeatures], Goal | None, str]:
+        """Return training pours, what rows are labelled by, and what the bundle says of them."""
         from taxel.evaluation.early_warning import learn_layer_warning as layers
         from taxel.evaluation.early_warning import learn_slip_warning as learn
 
         if self.gel == "1":
             cups = self.cups or learn.LEARNED_CUPS
-            return learn.training_features(self.poses, cups, on_step), learn.LEARNED_ON
+            return learn.training_features(self.poses, cups, on_step), None, learn.LEARNED_ON
         if self.gel == "both":
             cups = self.cups or layers.BOTH_CUPS
-            return layers.both_features(self.poses, cups, on_step), layers.LEARNED_ON_BOTH
+            return layers.both_features(self.poses, cups, on_step), None, layers.LEARNED_ON_BOTH
         pours = layers.layer_features(self.poses, self.cups or layers.LAYER_CUPS, on_step)
-        return pours, layers.LEARNED_ON
+        return pours, layers.GOAL if self.head == "forecast" else None, layers.LEARNED_ON
 
     def _check(self) -> None:
         """Refuse, before anything is simulated, what cannot be meant."""

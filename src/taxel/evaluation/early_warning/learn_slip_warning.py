@@ -39,6 +39,7 @@ from taxel.training.slip.cups import (
 )
 from taxel.training.slip.heads import (
     USUAL_GOALS,
+    Goal,
     HeadName,
     PourFeatures,
     SlipHead,
@@ -213,6 +214,7 @@ def keep_promises(
 def out_of_fold(
     pours: Sequence[PourFeatures],
     head: HeadName,
+    goal: Goal | None = None,
     *,
     seed: int = 0,
     on_step: Callable[[str], None] = lambda _: None,
@@ -224,17 +226,19 @@ def out_of_fold(
         on_step(f"{head}, without cups {part[0]} to {part[-1]}")
         held = np.isin(cups, part)
         fitted = fit_head(
-            [found for found, out in zip(pours, held, strict=True) if not out], head, seed
+            [found for found, out in zip(pours, held, strict=True) if not out], head, goal, seed
         )
         for index in np.flatnonzero(held):
             drives[int(index)] = head_drive(fitted, pours[index])
     return [track_of(found, drives[index]) for index, found in enumerate(pours)]
 
 
-def fit_head(pours: Sequence[PourFeatures], head: HeadName, seed: int = 0) -> SlipHead:
+def fit_head(
+    pours: Sequence[PourFeatures], head: HeadName, goal: Goal | None = None, seed: int = 0
+) -> SlipHead:
     """Return a head that has learned from all of these pours."""
     fitted = new_head(head, seed)
-    fitted.fit(*learning_rows(pours, USUAL_GOALS[head]))
+    fitted.fit(*learning_rows(pours, goal or USUAL_GOALS[head]))
     return fitted
 
 
@@ -244,6 +248,7 @@ def learn_warning(
     per_min: float,
     layers_per_min: float | None = None,
     *,
+    goal: Goal | None = None,
     seed: int = 0,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> LearntWarning:
@@ -254,13 +259,15 @@ def learn_warning(
         head: Which kind.
         per_min: False alarms a minute that are promised.
         layers_per_min: The same on gels that shear; `per_min` unless given.
+        goal: What a row is labelled by; the head's usual goal unless given.
         seed: Of learning.
         on_step: Called with a line before each training.
     """
-    tracks = out_of_fold(pours, head, seed=seed, on_step=on_step)
+    tracks = out_of_fold(pours, head, goal, seed=seed, on_step=on_step)
     promise = keep_promises(tracks, per_min, layers_per_min)
     on_step(f"{head}, all training cups")
-    return LearntWarning(head=fit_head(pours, head, seed), promise=promise, tracks=tuple(tracks))
+    fitted = fit_head(pours, head, goal, seed)
+    return LearntWarning(head=fitted, promise=promise, tracks=tuple(tracks))
 
 
 def make_warning(
@@ -269,6 +276,7 @@ def make_warning(
     per_min: float,
     layers_per_min: float | None = None,
     *,
+    goal: Goal | None = None,
     seed: int = 0,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> tuple[ReadyWarning, Promise, Sequence[WarningTrack]]:
@@ -279,6 +287,7 @@ def make_warning(
         head: Which kind.
         per_min: False alarms a minute that are promised.
         layers_per_min: The same on gels that shear; `per_min` unless given.
+        goal: What a row is labelled by; the head's usual goal unless given.
         seed: Of learning.
         on_step: Called with a line before each training.
 
@@ -296,7 +305,9 @@ def make_warning(
             model=rule_model(limit_mm), threshold=0.5, check=check, expected=expected
         )
         return ready, promise, tracks
-    learnt = learn_warning(pours, head, per_min, layers_per_min, seed=seed, on_step=on_step)
+    learnt = learn_warning(
+        pours, head, per_min, layers_per_min, goal=goal, seed=seed, on_step=on_step
+    )
     ready = ReadyWarning(
         model=learnt.head.to_onnx(), threshold=learnt.promise.threshold,
         check=check, expected=learnt.head.probability(check),
