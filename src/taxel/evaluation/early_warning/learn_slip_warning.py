@@ -24,7 +24,6 @@ from taxel.evaluation.early_warning.slip_warnings import (
     keep_promise,
 )
 from taxel.gel.slip_signal import PAIR_FEATURES
-from taxel.sim.pour.cup_pour import Gel
 from taxel.sim.pour.cups import Kind
 from taxel.training.slip.cups import (
     FRAME_HZ,
@@ -122,26 +121,16 @@ def training_features(
     for cup in TRAINING_CUPS[:cups]:
         on_step(f"poses of training cup {cup}")
         runs = training_runs(cup)
-        features += noisy_features(
+        features += _noisy_features(
             keep_runs(folder / f"{cup}-training.npz", runs, true_pours), noise
         )
     return features
 
 
-def noisy_features(
-    pours: Sequence[PourRows], noise: PoseNoise, seed: int = 0, gel: Gel = 1
-) -> list[PourFeatures]:
-    """Return the features of pours whose exact poses are known, as images would give them.
-
-    Args:
-        pours: With exact poses.
-        noise: What images would add.
-        seed: Of the noise.
-        gel: How the gels shear.
-    """
+def _noisy_features(pours: Sequence[PourRows], noise: PoseNoise) -> list[PourFeatures]:
+    """Return the features of pours whose exact poses are known, as images would give them."""
     return rim_features(
-        [add_noise(pour, noise, np.random.default_rng([seed, pour.run.seed])) for pour in pours],
-        gel,
+        [add_noise(pour, noise, np.random.default_rng([0, pour.run.seed])) for pour in pours]
     )
 
 

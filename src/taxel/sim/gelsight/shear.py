@@ -69,37 +69,6 @@ class ShearView:
         return right, down, slope_x, slope_y
 
 
-def face_moved(shear: FaceShear, places_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far places of the face have moved, shape (n, 2): x, y, millimetres.
-
-    Args:
-        shear: The face's state.
-        places_mm: Shape (n, 2): x, y on the unmoved face, from the image's middle, millimetres.
-    """
-    if not len(places_mm):
-        return np.zeros((0, 2))
-    field = shear.patch.field(shear.source_mm2)
-    cos, sin = float(np.cos(shear.angle_rad)), float(np.sin(shear.angle_rad))
-    to_face = np.array([[cos, sin], [-sin, cos]])
-    middle = (np.array(field.shape[1::-1]) - 1) / 2
-    at = (places_mm - shear.middle_mm) @ to_face.T / np.array(shear.patch.step_mm) + middle
-    moved = np.asarray(_looked_up(field, at[None].astype(np.float32)))[0, :, :2]
-    return np.asarray(moved @ to_face, np.float64)
-
-
-def face_place(shear: FaceShear, seen_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where on the unmoved face the places are that a camera sees now, shape (n, 2).
-
-    Args:
-        shear: The face's state.
-        seen_mm: Shape (n, 2): x, y from the image's middle, millimetres.
-    """
-    places = seen_mm
-    for _ in range(_SETTLE):
-        places = seen_mm - face_moved(shear, places)
-    return places
-
-
 def _looked_up(values: Image, places: Any) -> Any:
     """Return values (rows, columns, n) at places (h, w, 2), in columns and rows; 0 outside."""
     return cv2.remap(values, places, None, cv2.INTER_LINEAR)  # type: ignore[call-overload]  # None: places hold both
