@@ -211,15 +211,16 @@ def test_nor_are_recordings_that_were_imported_from_them(
      ("a-set", "import it: taxel import a-set --data {path} --output recordings")],
 )  # fmt: skip
 @pytest.mark.parametrize("page", [[], ["--page"]])
+@pytest.mark.parametrize("source", ["{path}", "replay://{path}?speed=max"])
 def test_a_monitor_says_how_a_folder_of_videos_becomes_recordings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-    page: list[str], public: str, line: str,
+    page: list[str], source: str, public: str, line: str,
 ) -> None:  # fmt: skip
     """The line was: name one of its files; which are no recordings either."""
     (tmp_path / "a.avi").touch()
     monkeypatch.setattr(camera_trials, "known_videos", lambda _: public)
     with pytest.raises(SystemExit):
-        main(["live", "slip-both-gels", str(tmp_path), *page])
+        main(["live", "slip-both-gels", source.format(path=tmp_path), *page])
     printed = " ".join(capsys.readouterr().err.split())
     assert "images or videos alone" in printed
     assert line.format(path=tmp_path) in printed

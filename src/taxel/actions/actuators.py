@@ -95,7 +95,7 @@ class CountsMessages(Protocol):
     name: str
 
     def counts(self) -> dict[str, int]:
-        """Return how many messages were "sent", and how many "lost"."""
+        """Return how many messages were "sent", and at least how many "lost", some of those too."""
         ...
 
 

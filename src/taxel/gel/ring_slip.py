@@ -23,7 +23,7 @@ RINGS: Final = (0.6, 1.0, 1.4, 1.8, 2.2, 2.7)
 """Middles of the rings, in standard deviations of the imprint's places. A dot between two counts in
 both, by how near it is. Source: training cups, docs/decisions/0037."""
 _END: Final = 3.2
-"""Where the outermost ring ends."""
+"""Where the outermost ring ends. Source: our choice, docs/decisions/0037."""
 RING_FEATURES: Final[tuple[str, ...]] = tuple(
     f"ring_{value}_{ring:g}" for value in ("share", "share_now", "share_lost") for ring in RINGS
 )
@@ -33,11 +33,14 @@ WITH_RINGS: Final[tuple[str, ...]] = (*WITH_RIM, *RING_FEATURES)
 _NOW_IMAGES: Final = 8
 """Images over which the present share is taken: 0.32 s at 25 a second. Source: our choice."""
 _SOFT_PX, _SOFT_NOW_PX = 0.2, 0.1
-"""Motion below which there is only noise: its square is added to what is divided by."""
+"""Motion below which there is only noise: its square is added to what is divided by.
+Source: our choice, docs/decisions/0037."""
 _MOVED_PX: Final = 1.0
-"""Motion of a ring with the object from which on its share counts towards its largest."""
+"""Motion of a ring with the object from which on its share counts towards its largest.
+Source: our choice, docs/decisions/0037."""
 _LEAST_DOTS: Final = 1.0
-"""Sum of dots' weights below which a ring keeps its last values."""
+"""Sum of dots' weights below which a ring keeps its last values. Source: our choice,
+docs/decisions/0037."""
 Places = NDArray[np.float64]
 
 

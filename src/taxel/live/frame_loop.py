@@ -31,7 +31,7 @@ def ends_grasp(mark: Mark) -> bool:
 def ends_trial(mark: Mark, target: str) -> bool:
     """Return whether a mark ends a camera trial: it holds its label, a grasp's outcome, or nothing.
 
-    A person's reaction does not, whatever labels its recording adds, nor does a hand's mark.
+    A person's reaction does not. In a replay each mark also holds its recording's labels.
 
     Args:
         mark: Of the source.

@@ -86,6 +86,8 @@ def test_a_promise_on_two_gels_is_kept_on_the_louder_too(louder):
 
     assert promise.threshold == pytest.approx(0.94, abs=1e-9)
     assert promise.hold_min == pytest.approx(minutes)
+    more = keep_promises(tracks, 5 / minutes, layers_per_min=9 / minutes).threshold
+    assert (more < promise.threshold) == (louder == "2")
 
 
 def test_a_promise_needs_pours_that_hold():

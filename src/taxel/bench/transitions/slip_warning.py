@@ -235,7 +235,7 @@ def judge_rows(
 
 
 def shipped_warner(name: str) -> Warner:
-    """Return a warning as it comes with taxel, learned on version 1 of the gel alone.
+    """Return a warning as it comes with taxel.
 
     Args:
         name: Of a bundle that watches slip.

@@ -164,7 +164,7 @@ class Live:
         from taxel.windows.camera_trials import refuse_footage  # needs cameras' extra
 
         for source in (self.source, *self.beside):
-            path = Path(source.removeprefix("replay://"))
+            path = Path(source.removeprefix("replay://").partition("?")[0])
             if path.exists():
                 refuse_footage(path, imported=True)
 

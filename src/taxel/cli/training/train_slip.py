@@ -44,7 +44,7 @@ class TrainSlip:
     and its rate."""
     gel: Literal["1", "2", "both"] = "1"
     """How the simulated gels shear: 1, as rigid pieces; 2, as elastic layers; both: some of each,
-    and the rate of false alarms is kept on either."""
+    and the rate of false alarms is kept on either, on cups held out."""
     cups: int | None = None
     """Simulated cups to learn from, 8 to 480; unless given 480, which takes 25 minutes of one core
     from an empty folder; with --gel 2 128, whose images take 15 minutes of one core; with --gel

@@ -90,7 +90,7 @@ class ReadyWarning:
     threshold: float
     """From which on it warns, 0…1."""
     check: NDArray[np.float32]
-    """Features to try the bundle with, shape (n, 74); the rule's, (n, 66)."""
+    """Features to try the bundle with, shape (n, columns); the rule's, (n, 66)."""
     expected: NDArray[np.float32]
     """What is given for them, shape (n,)."""
 

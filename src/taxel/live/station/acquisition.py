@@ -85,9 +85,11 @@ def _pump(
     try:
         _hand_on(source, writer, orders, pulse, news)
     except Exception as error:
-        writer.put(pack(news.failed(error, monotonic())))
-        if job.once:
-            writer.put(_over())
+        try:
+            writer.put(pack(news.failed(error, monotonic())))
+        finally:
+            if job.once:
+                writer.put(_over())
         raise
 
 

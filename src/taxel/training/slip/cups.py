@@ -205,11 +205,11 @@ def _true_rows(run: PourRun, fine: PourTrack) -> PourRows:
     gels = []
     for side, motion in enumerate(fine.motions):
         times = camera_times(CAMERA_HZ, FRAME_HZ, DURATION_S, run.seed * 2 + side)
-        gels.append(true_rows(motion_at(motion, fine.time_s, times.taken_s), times))
-    return pour_rows(run, fine, (gels[0], gels[1]))
+        gels.append(_gel_rows(motion_at(motion, fine.time_s, times.taken_s), times))
+    return _pour_rows(run, fine, (gels[0], gels[1]))
 
 
-def pour_rows(run: PourRun, fine: PourTrack, gels: tuple[GelRows, GelRows]) -> PourRows:
+def _pour_rows(run: PourRun, fine: PourTrack, gels: tuple[GelRows, GelRows]) -> PourRows:
     """Return a pour's rows at the video's moments.
 
     Args:
@@ -246,7 +246,7 @@ def seen_pour(run: PourRun, gel: Gel = 1) -> PourRows:
     )
 
 
-def true_rows(motion: GelMotion, times: CameraTimes) -> GelRows:
+def _gel_rows(motion: GelMotion, times: CameraTimes) -> GelRows:
     """Return the exact poses of one gel's motion at its camera's images."""
     count = len(times.taken_s)
     gel = gel_about_middle(motion)
