@@ -61,7 +61,7 @@ class TrainSlip:
 
     RULES: ClassVar = (
         Only(("seed",), "--head forecast, boosting or logistic", lambda o: o.head != "rule"),
-        Only(("false_alarms_shear",), "--gel both", lambda o: o.gel == "both"),
+        Only(("false-alarms-shear",), "--gel both", lambda o: o.gel == "both"),
     )
 
     def run(self) -> None:
