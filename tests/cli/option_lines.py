@@ -83,6 +83,7 @@ LINES: dict[str, tuple[str, ...]] = {
         "train-slip d --output m.taxel",
         "train-slip d --output m.taxel --head rule",
         "train-slip d --output m.taxel --gel 2",
+        "train-slip d --output m.taxel --gel both",
     ),
     "train-backbone": (
         "train-backbone d --backbone edge --output w.safetensors",
