@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taxel.evaluation.camera_trials.slip_signal import chosen_on, signal_of
+from taxel.evaluation.camera_trials.slip_signal import chosen_on, score_ranks, signal_of
 from taxel.gel.slip_signal import TURN_MM
 from taxel.windows.trial_crops import MOVES
 
@@ -50,3 +50,13 @@ def test_half_of_the_objects_are_left_for_the_figure_whatever_the_order_of_trial
     objects = np.array(["cup", "ball", "apple", "ball", "dice"])
     assert chosen_on(objects).tolist() == [True, False, True, False, False]
     assert chosen_on(objects[::-1]).tolist() == [False, False, True, False, True]
+
+
+def test_equal_values_count_half_whatever_the_order_of_trials():
+    """Of six pairs one is in order, two are not, and three are equal."""
+    values, y = np.array([3.0, 1.0, 3.0, 1.0, 3.0]), np.array([1, 1, 0, 0, 0])
+    objects = np.array(["cup", "ball", "cup", "ball", "dice"])
+    orders = [np.arange(5), np.arange(5)[::-1], np.argsort(y), np.argsort(-y)]
+    found = [score_ranks(values[order], y[order], objects[order]).auc for order in orders]
+    want = np.mean([(a > b) + (a == b) / 2 for a in values[y == 1] for b in values[y == 0]])
+    assert found == [pytest.approx(want)] * 4

@@ -17,6 +17,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import rankdata
 
 from taxel.evaluation.camera_trials.crossval import CameraTrialScores, score_trials
 from taxel.evaluation.camera_trials.trial_set import Sight, load_trial_set
@@ -110,13 +111,13 @@ def signal_auc(folder: Path, cache: Path, positive: str = "slip") -> SignalScore
         for name, values in signal_of(trials.cut.shown["moves"], rate_hz).items()
     }
     first, *plainer = signals
-    on_all = _scored(signals[first], y, objects)
+    on_all = score_ranks(signals[first], y, objects)
     unseen = ~chosen_on(objects)
-    apart = _scored(signals[first][unseen], y[unseen], objects[unseen])
-    others = {name: _scored(signals[name], y, objects).auc for name in plainer}
-    others["control: the trial's length"] = _scored(-trials.lengths.astype(float), y, objects).auc
+    apart = score_ranks(signals[first][unseen], y[unseen], objects[unseen])
+    others = {name: score_ranks(signals[name], y, objects).auc for name in plainer}
+    others["control: the trial's length"] = score_ranks(-trials.lengths.astype(float), y, objects).auc
     still = trials.cut.shown["stills"][trials.cut.place == 0, 0, :, :48].std(axis=2).mean(axis=1)
-    contrast = _scored(still.astype(float), y, objects).auc
+    contrast = score_ranks(still.astype(float), y, objects).auc
     others["control: the first frame's contrast"] = max(contrast, 1 - contrast)
     return SignalScore(
         name=first,
@@ -133,9 +134,17 @@ def _by_trial(crops: NDArray[np.float64], trial: NDArray[np.intp]) -> NDArray[np
     return mean_of_crops(crops[:, None], trial)[:, 0]
 
 
-def _scored(
+def score_ranks(
     values: NDArray[np.float64], y: NDArray[np.intp], objects: NDArray[np.str_]
 ) -> CameraTrialScores:
-    """Return scores of ranks: as a probability each value has its place among all."""
-    place = np.argsort(np.argsort(values)) / max(1, len(values) - 1)
+    """Return scores of ranks: as a probability each value has its place among all.
+
+    Equal values share a place, else the order of files would count.
+
+    Args:
+        values: Shape (trials,): the larger, the more like class 1.
+        y: Shape (trials,), 0 or 1.
+        objects: Shape (trials,), resampled whole.
+    """
+    place = (rankdata(values) - 1) / max(1, len(values) - 1)
     return score_trials(y, np.stack([1 - place, place], axis=1), objects)

@@ -81,7 +81,7 @@ class PourRun:
     number: int
     """Which repetition of this cup, position and force."""
     seed: int
-    """Of noise within the run, of textures and of sensors."""
+    """Of noise within the run."""
     start_s: float
     """When the pour, or whatever the kind is, begins."""
     flow_g_s: float
@@ -104,8 +104,6 @@ class PourRun:
     """Share by which the grip falls in a third of a second at `start_s`, 0…1."""
     tilt_rad: float
     """Turn of the handle in the fingers at the grasp."""
-    offset_mm: tuple[float, float]
-    """Of the patch's middle from the image's middle (x, y)."""
     side_friction: tuple[float, float]
     """Friction of the left and the right side over the cup's own."""
     scene: Scene | None = None
@@ -187,9 +185,13 @@ def draw_run(
         bump_s=late_s if kind == "late slip" else start_s,
         grip_drop=random.uniform(0.25, 0.6) if kind == "grip drop" else 0.0,
         tilt_rad=random.uniform(-0.12, 0.12),
-        offset_mm=(random.uniform(-1.2, 1.2), random.uniform(-1.2, 1.2)),
-        side_friction=(random.uniform(0.9, 1.1), random.uniform(0.9, 1.1)),
+        side_friction=_side_friction(random),
     )
+
+
+def _side_friction(random: np.random.Generator) -> tuple[float, float]:
+    random.uniform(size=2)  # not used: without these two draws every stored run would be another
+    return random.uniform(0.9, 1.1), random.uniform(0.9, 1.1)
 
 
 def draw_kinds(still: float, negatives: float, random: np.random.Generator) -> tuple[Kind, ...]:
