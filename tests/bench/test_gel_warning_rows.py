@@ -144,9 +144,12 @@ def test_other_grasps_have_a_row_of_false_alarms_and_one_of_misses_for_each_kind
         for kind in OTHER_KINDS
         for pour in (turns(TEST_CUPS[0], 1.0, 0.1), turns(TEST_CUPS[1], 0.0, 0.1))
     ]
-    rows = {row.name: row for row in judge_kinds([Warner("rule", rule_drive, 0.3, "")], pours, "g")}
+    kinds = {kind: (kind,) for kind in OTHER_KINDS} | {"all": OTHER_KINDS}
+    judged = judge_kinds([Warner("rule", rule_drive, 0.3, "")], pours, "g", kinds)
+    rows = {row.name: row for row in judged}
 
-    assert len(rows) == 2 * len(OTHER_KINDS)
+    assert len(rows) == 2 * len(kinds)
+    assert f"{len(OTHER_KINDS)} slips," in rows["slip warning, rule, all, g: missed"].note
     for kind in OTHER_KINDS:
         assert rows[f"slip warning, rule, {kind}, g: missed"].value == 0.0
         assert "1 slip," in rows[f"slip warning, rule, {kind}, g: missed"].note
@@ -154,5 +157,6 @@ def test_other_grasps_have_a_row_of_false_alarms_and_one_of_misses_for_each_kind
 
 
 def test_a_kind_that_nothing_is_rendered_of_has_no_value():
-    rows = judge_kinds([Warner("rule", rule_drive, 0.3, "")], [turns(TEST_CUPS[0], 0.0, 0.1)], "g")
-    assert [row.value for row in rows] == [None] * len(OTHER_KINDS)
+    pours, kinds = [turns(TEST_CUPS[0], 0.0, 0.1)], {"lift": ("lift",), "tilt": ("tilt",)}
+    rows = judge_kinds([Warner("rule", rule_drive, 0.3, "")], pours, "g", kinds)
+    assert [row.value for row in rows] == [None, None]

@@ -47,7 +47,7 @@ def test_both_gels_are_learned_from_and_the_rate_is_kept_on_each(
     assert found["by_gel"]["1"]["events"]["clusters"] == 8
     for gel, most in (("1", 2.0), ("2", 3.0)):
         assert found["by_gel"][gel]["events"]["false_alarms_per_min"] <= most
-    for name in ("images-0", "images-1", "images-other"):
+    for name in ("images-0", "images-1", "images-other", "images-moving"):
         for gel in ("", "-gel-2"):
             assert len(list(poses.glob(f"*-{name}{gel}.npz"))) == 8
     contract = read_grasp_bundle(output).contract

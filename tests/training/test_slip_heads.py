@@ -221,10 +221,11 @@ def test_a_forecast_further_ahead_counts_where_it_is_larger_by_more_than_its_mar
     assert np.median(forecast[rows[:, 3] < 0]) == pytest.approx(-1.0, abs=0.01)
 
 
-def test_of_pushes_only_those_that_hold_are_learned_from(pours):
+def test_of_sudden_slips_only_what_holds_is_learned_from(pours):
     dropped, held = pours[0], replace(pours[0], slip_um=np.zeros_like(pours[0].slip_um))
     held = replace(held, dropped=np.zeros_like(held.dropped))
-    for kind, learned in (("pour", True), ("bump", False), ("late slip", False)):
+    expected = {"pour": True, "grip drop": True, "bump": False, "late slip": False, "carry": False}
+    for kind, learned in expected.items():
         assert is_learned_from(replace(dropped, run=replace(dropped.run, kind=kind))) == learned
         assert is_learned_from(replace(held, run=replace(held.run, kind=kind)))
 

@@ -63,7 +63,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("bound of warnings", bound_of_warnings),
         ("warnings on both gels", warnings_on_both_gels),
         ("other grasps on both gels", other_grasps_on_both_gels),
-        ("warnings by kind", warnings_by_kind),
+        ("moving grasps on both gels", moving_grasps_on_both_gels),
         ("start of a grasp", grasp_starts),
         ("markers' residual", lambda: gel_shear.residual_rows(data)),
     ]
@@ -342,9 +342,9 @@ def other_grasps_on_both_gels() -> list[Row]:
     return gel_kind_rows()
 
 
-def warnings_by_kind() -> list[Row]:
-    """Warn of slip in lifts, tilts, carries, hand-overs and collisions, and in pours beside."""
-    from taxel.bench.transitions.moving_grasps import moving_rows
+def moving_grasps_on_both_gels() -> list[Row]:
+    """Warn of slip in lifts, tilts, carries, hand-overs and collisions, on both gels."""
+    from taxel.bench.transitions.gel_kinds import moving_rows
 
     return moving_rows()
 

@@ -115,7 +115,9 @@ def signal_auc(folder: Path, cache: Path, positive: str = "slip") -> SignalScore
     unseen = ~chosen_on(objects)
     apart = score_ranks(signals[first][unseen], y[unseen], objects[unseen])
     others = {name: score_ranks(signals[name], y, objects).auc for name in plainer}
-    others["control: the trial's length"] = score_ranks(-trials.lengths.astype(float), y, objects).auc
+    others["control: the trial's length"] = score_ranks(
+        -trials.lengths.astype(float), y, objects
+    ).auc
     still = trials.cut.shown["stills"][trials.cut.place == 0, 0, :, :48].std(axis=2).mean(axis=1)
     contrast = score_ranks(still.astype(float), y, objects).auc
     others["control: the first frame's contrast"] = max(contrast, 1 - contrast)

@@ -19,6 +19,7 @@ from taxel.training.slip.cups import (
     TRAINING_CUPS,
     keep_runs,
     mild_bumps,
+    moving_part,
     other_part,
     paper_part,
     seen_pours,
@@ -32,6 +33,8 @@ GOAL: Final[Goal] = "slip in 0.75 s"
 """What is learned on version 2 alone. Source: training cups out of fold, docs/decisions/0037."""
 BOTH_CUPS: Final = 240
 """The same where both versions are learned from. Source: training cups, docs/decisions/0037."""
+MOVING_CUPS: Final = 120
+"""Of `BOTH_CUPS` those with which a gripper moves, too. Source: our choice: time."""
 _PARTS: Final = (0, 1)
 """Of the four parts of a cup's paper's pours: many cups say more than many pours."""
 _PUSHES: Final = 2
@@ -99,4 +102,6 @@ def _files(folder: Path, cup: int, gel: Gel, others: bool) -> list[tuple[Path, l
     if others:
         runs = other_part(cup, 0) + mild_bumps(cup, _PUSHES)
         files.append((folder / f"{cup}-images-other{version}.npz", runs))
+        if cup in TRAINING_CUPS[:MOVING_CUPS]:
+            files.append((folder / f"{cup}-images-moving{version}.npz", moving_part(cup)))
     return files

@@ -61,6 +61,7 @@ GROSS_UM: Final = 300.0
 """Slip that is warned of, micrometres: the rule "gross-slip", docs/decisions/0013."""
 AFTER_S: Final = 1.0
 """How long after the event images are still followed: a warning after that is none, seconds."""
+_SUDDEN: Final[tuple[Kind, ...]] = ("bump", "late slip", *MOVING_KINDS)
 _SLIP, _DROPPED = TRUTH_CHANNELS.index("slip"), TRUTH_CHANNELS.index("dropped")
 
 
@@ -136,13 +137,12 @@ def other_part(cup: int, part: int) -> list[PourRun]:
 
 
 def moving_part(cup: int) -> list[PourRun]:
-    """Return a run of each kind in which the gripper moves or the cup is handed over, and a pour.
+    """Return a run of each kind in which the gripper moves or the cup is handed over.
 
     Positions and forces go round from cup to cup.
     """
     drawn, runs = draw_cup(SEED, cup), []
-    kinds: tuple[Kind, ...] = (*MOVING_KINDS, "pour")
-    for place, kind in enumerate(kinds):
+    for place, kind in enumerate(MOVING_KINDS):
         turn = cup + place
         position, force_n = POSITIONS[turn % 3], FORCES_N[turn // 3 % len(FORCES_N)]
         runs.append(draw_grasp(SEED, drawn, position, force_n, kind, number=20))
@@ -179,11 +179,11 @@ def training_runs(cup: int) -> list[PourRun]:
 def is_learned_from(pour: PourRows) -> bool:
     """Return whether a warning learns from a pour.
 
-    Of pushes and sudden slips only those that hold: before the others there is nothing to learn,
-    and what follows looks like a slip that ends well. Out of fold, leaving them out brings warnings
-    0.1 s earlier (decision 36); they are still judged.
+    Of pushes, sudden slips and grippers that move only those that hold: before the others there is
+    nothing to learn, and what follows looks like a slip that ends well. Out of fold, leaving them
+    out brings warnings 0.1 s earlier (decision 36); they are still judged.
     """
-    return pour.run.kind not in ("bump", "late slip") or pour.first_s(GROSS_UM) is None
+    return pour.run.kind not in _SUDDEN or pour.first_s(GROSS_UM) is None
 
 
 def noise_runs(cup: int) -> list[PourRun]:
