@@ -61,6 +61,8 @@ class Following:
         every = [camera for seen in view.sources for camera in seen.cameras]
         self.cameras = apart(every)
         """All cameras, under names that differ."""
+        self._topics = [scan_topic(array.name) for array in apart([s.sensor for s in view.sources])]
+        """Of each source's array: two hands of one kind are two topics."""
         self._newest: dict[str, Any] = {}
         self._stall_sent_s = 0.0
 
@@ -82,8 +84,9 @@ class Following:
         """Return what came since the last call, oldest first within a topic; never waits."""
         found: list[Item] = []
         first = 0
-        for seen, reader in zip(self._view.sources, self._sources, strict=True):
-            topic = scan_topic(seen.sensor.name)
+        for seen, reader, topic in zip(
+            self._view.sources, self._sources, self._topics, strict=True
+        ):
             cameras = self.cameras[first : first + len(seen.cameras)]
             found += _joined(topic, _source_items(topic, cameras, reader.take()))
             first += len(seen.cameras)
@@ -111,9 +114,9 @@ class Following:
         """Return what the station has: each source's array and cameras, as a manifest has them."""
         return {
             "sources": [
-                {"url": seen.url, "topic": scan_topic(seen.sensor.name),
+                {"url": seen.url, "topic": topic,
                  "sensor": asdict(seen.sensor) if seen.sensor.channels else None}
-                for seen in self._view.sources
+                for seen, topic in zip(self._view.sources, self._topics, strict=True)
             ],
             "cameras": [{"topic": frame_topic(c.name), **asdict(c)} for c in self.cameras],
         }  # fmt: skip

@@ -77,6 +77,8 @@ class ViewConfig:
     """Name of the board of beats: the page sees by itself where the supervisor stands still."""
     stall_s: float
     """A supervisor's tick that is older than this is a stall, seconds."""
+    watchers: tuple[str, ...] = ()
+    """Names of all grasp monitors."""
 
 
 @dataclass(slots=True)
