@@ -246,6 +246,19 @@ class AlarmLatch:
                 return True
         return False
 
+    def acknowledge_until(self, until_s: float, now_s: float) -> bool:
+        """Acknowledge the alarms raised until a moment; return whether there is no later one.
+
+        Args:
+            until_s: Of what the person saw, monotonic seconds.
+            now_s: This moment, monotonic seconds.
+        """
+        later = [alarm for alarm in self.alarms if not alarm.since_s <= until_s]
+        for alarm in self.alarms:
+            if alarm not in later:
+                self.acknowledge(alarm.number, now_s)
+        return not later
+
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """Alarms to show: those that wait for a person first, then the worst, then the newest.

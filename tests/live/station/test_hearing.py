@@ -233,7 +233,8 @@ def test_the_page_reacts_acknowledges_and_ends_a_recording(make: Any):
     rig.grasp(1.0, "UNSTABLE")
     rig.hear(1.0)
     assert not rig.alarm("grasp").acknowledged
-    for request in ({"do": "react", "what": "pour stopped"}, {"do": "acknowledge"}, {"do": "end"}):
+    seen = {"do": "acknowledge", "until_s": 1.0}
+    for request in ({"do": "react", "what": "pour stopped"}, seen, {"do": "end"}):
         rig.page.put(pack(request))
     rig.hear(1.1)
 
@@ -312,3 +313,22 @@ def test_each_watched_pair_of_cameras_has_the_names_that_the_recording_gives_the
     assert Wiring.watchers_by_cameras(wiring) == {
         "left + right": ("monitor 2/0",), "left-2 + right-2": ("monitor 3/0",),
     }  # fmt: skip
+
+
+def test_the_page_acknowledges_no_alarm_that_it_has_not_shown(make: Any):
+    """A word that waited, as while the supervisor stood still, is not of what came meanwhile."""
+    rig = make()
+    rig.station.person.begin(0.5)
+    rig.station.guard.trouble("late camera", "left is 40 ms late", 1.0, danger=False)
+    rig.grasp(2.0, "UNSTABLE")
+    rig.hear(2.0)
+    rig.page.put(pack({"do": "acknowledge", "until_s": 1.95}))
+    rig.hear(2.1)
+    assert rig.alarm("late camera").acknowledged
+    assert not rig.alarm("grasp").acknowledged
+    refused = rig.station.refused_requests
+    for until_s in (None, "9", {}):
+        rig.page.put(pack({"do": "acknowledge", "until_s": until_s}))
+    rig.hear(2.2)
+    assert rig.station.refused_requests == refused + 3
+    assert not rig.alarm("grasp").acknowledged

@@ -224,8 +224,8 @@ class StationView:
         }
 
     def acknowledge(self) -> None:
-        """Report to the supervisor that a person saw the alarms."""
-        self._ask({"do": "acknowledge"})
+        """Report to the supervisor that a person saw the alarms of the newest snapshot."""
+        self._ask({"do": "acknowledge", "until_s": self._newest.get("time_s", 0.0)})
 
     def record(self, on: bool, labels: dict[str, str]) -> str:
         """Start or stop recording; wait until it is so, or why not."""

@@ -10,6 +10,7 @@ Background of our choices: docs/decisions/0019.
 from __future__ import annotations
 
 import contextlib
+import math
 from collections import deque
 from collections.abc import Callable
 from multiprocessing.process import BaseProcess
@@ -166,11 +167,10 @@ class Station:
         """Order nothing more, on behalf of a person; a stop stays a stop."""
         self.guard.interlock.disarm(monotonic(), by)
 
-    def acknowledge(self) -> None:
-        """Acknowledge every alarm, on behalf of a person."""
-        for alarm in self.guard.alarms.alarms:
-            self.guard.alarms.acknowledge(alarm.number, monotonic())
-        self.person.acknowledged(monotonic())
+    def acknowledge(self, until_s: float = math.inf) -> None:
+        """Acknowledge the alarms raised until a moment, on behalf of a person who saw them."""
+        if self.guard.alarms.acknowledge_until(until_s, monotonic()):
+            self.person.acknowledged(monotonic())
 
     def say(self, text: str) -> None:
         """Add words to the events, such as what a person did."""
