@@ -3,6 +3,8 @@
 A station may watch several grasps. Their probabilities or scores come by several ways, each in its
 own order; drawn as they come they would be one line that jumps between them, or one of them would
 hide the other. Knows nothing about rings or pages.
+
+Background of our choices: docs/decisions/0018.
 """
 
 from __future__ import annotations
