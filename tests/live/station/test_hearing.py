@@ -220,6 +220,25 @@ def test_an_action_is_an_event_once_until_another_answer(make: Any):
     assert rig.station.answers.summary()[0]["answers"] == {"ball": 3, "cube": 1}
 
 
+def test_cameras_of_another_grasp_that_are_in_time_do_not_end_the_alarm_of_a_late_one(make: Any):
+    """Acknowledged, it was ended by one monitor and raised anew by the other, 60 times a second."""
+    rig, other = make(), "monitor 2/0"
+    rig.station.guard.expect(other, 0.0)
+    rig.grasp(1.0, time_s=0.9, late={"left": 0.25})
+    rig.hear(1.0)
+    rig.station.acknowledge()
+    for number in range(1, 4):
+        now_s = 1.0 + number / 60
+        rig.grasp(now_s, time_s=now_s, late={"left": 0.25})
+        rig.grasp(now_s, time_s=now_s, who=other, late={})
+        rig.hear(now_s)
+    alarm = rig.alarm("late camera")
+    assert (alarm.on, alarm.acknowledged, alarm.since_s) == (True, True, 1.0)
+    rig.grasp(2.0, time_s=1.9, late={})
+    rig.hear(2.0)
+    assert all(found.kind != "late camera" for found in rig.station.guard.alarms.alarms)
+
+
 def test_a_gate_that_moved_is_an_event(make: Any):
     rig = make()
     rig.monitor.put(pack({"kind": "news", "who": RECOGNISER["who"], "text": "shape: gate up"}))

@@ -29,6 +29,7 @@ from taxel.live.station.answers import Answers
 from taxel.live.station.beats import Beats, Work
 from taxel.live.station.driving import Driving
 from taxel.live.station.guard import NO_GRASP, Guard
+from taxel.live.station.late_cameras import LateCameras
 from taxel.live.station.packets import notes_of, pack, unpack
 from taxel.live.station.page_link import ViewConfig
 from taxel.live.station.page_requests import fulfil
@@ -81,6 +82,7 @@ class Station:
         self.driving = Driving(self.guard, limits.min_n, self._happened)
         self._recorder = RecorderLink(self.guard, self._happened)
         self.person = Person(self.guard, monotonic(), self._recorder.keep_trial)
+        self._late = LateCameras(self.guard)
         self.latencies = Latencies()
         self.answers = Answers(())
         self.events: deque[tuple[int, float, str]] = deque(maxlen=_EVENTS)
@@ -338,7 +340,7 @@ class Station:
             self.guard.decide(note["who"], note)
             self._recorder.keep_slip(note)
             self.skipped = max(self.skipped, int(note["skipped"]))
-            self._report_late_cameras(note, now_s)
+            self._late.hear(note, now_s)
         elif note["kind"] in ("waiting", "level"):
             self.answers.keep(note)
         elif note["kind"] == "news":
@@ -348,13 +350,6 @@ class Station:
             self.driving.recognised(answer)
             if news:
                 self._happened(now_s, news)
-
-    def _report_late_cameras(self, note: dict[str, Any], now_s: float) -> None:
-        if late := note.get("late"):
-            text = ", ".join(f"{name} is {1000 * s:.0f} ms late" for name, s in late.items())
-            self.guard.trouble("late camera", text, now_s, danger=False)
-        elif "time_s" in note:
-            self.guard.over("late camera", now_s)
 
     def _happened(self, now_s: float, text: str) -> None:
         self._event_number += 1
