@@ -167,6 +167,15 @@ class AlarmLatch:
         """Note that another grasp begins: a condition that alarms again in it is a new alarm."""
         self._leaving = True
 
+    def renew_grasp(self) -> None:
+        """Note that one of several grasps begins to alarm or gets worse.
+
+        That somebody acknowledged the alarm of another grasp must not silence this one's.
+        """
+        alarm = self._alarms.get(GRASP)
+        if alarm is not None and alarm.acknowledged:
+            del self._alarms[GRASP]
+
     def watch(self, decision: StabilityDecision, armed: bool, now_s: float) -> None:
         """Set and clear the alarms GRASP and INPUT by a decision.
 
