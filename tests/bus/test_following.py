@@ -139,9 +139,13 @@ def test_two_hands_of_one_kind_have_topics_of_their_own() -> None:
         own.source.put(pack(Samples.from_values(np.full((1, 2), 1.0), np.array([0.0]))))
         writer.put(pack(Samples.from_values(np.full((1, 2), 2.0), np.array([0.0]))))
         found = {item.topic: float(item.value.values[0, 0]) for item in following.take()}
+        for each in (own.source, writer):  # one simulator, named twice
+            each.put(pack({"kind": "source", "url": "sim://x"}))
+        numbers = [item.value["source"] for item in following.take()]
         topics = [source["topic"] for source in following.about()["sources"]]
     assert found == {"/touch/teng": 1.0, "/touch/teng-2": 2.0}
     assert topics == ["/touch/teng", "/touch/teng-2"]
+    assert numbers == [1, 2]
 
 
 def test_the_page_shows_depth_in_colours(rings: Rings) -> None:

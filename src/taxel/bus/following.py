@@ -84,11 +84,12 @@ class Following:
         """Return what came since the last call, oldest first within a topic; never waits."""
         found: list[Item] = []
         first = 0
-        for seen, reader, topic in zip(
-            self._view.sources, self._sources, self._topics, strict=True
+        for number, (seen, reader) in enumerate(
+            zip(self._view.sources, self._sources, strict=True)
         ):
+            topic = self._topics[number]
             cameras = self.cameras[first : first + len(seen.cameras)]
-            found += _joined(topic, _source_items(topic, cameras, reader.take()))
+            found += _joined(topic, _source_items(number, topic, cameras, reader.take()))
             first += len(seen.cameras)
         for reader in self._decisions:
             for content in reader.take():
@@ -135,7 +136,7 @@ class Following:
 
 
 def _source_items(
-    topic: str, cameras: Sequence[CameraInfo], contents: Sequence[bytes]
+    number: int, topic: str, cameras: Sequence[CameraInfo], contents: Sequence[bytes]
 ) -> Iterator[Item]:
     for content in contents:
         packet = unpack(content)
@@ -149,7 +150,8 @@ def _source_items(
         elif isinstance(packet, Mark):
             yield Item(MARK_TOPIC, asdict(packet), packet.end_s)
         elif packet.get("kind") == "source":
-            yield Item(SOURCES, packet, monotonic())
+            # Two sources may have one address, as of a simulator.
+            yield Item(SOURCES, packet | {"source": number + 1}, monotonic())
 
 
 def _joined(topic: str, items: Iterator[Item]) -> list[Item]:

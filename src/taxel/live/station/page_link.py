@@ -167,7 +167,7 @@ class StationView:
             newest |= stalled_snapshot(newest, still_s, monotonic())
         return nothing | newest | {
             "sources": [
-                _how_it_does(note, monotonic() - noted_s) | {"kind": note["kind_of"]}
+                how_it_does(note, monotonic() - noted_s) | {"kind": note["kind_of"]}
                 for note, noted_s in zip(self._notes, self._noted_s, strict=True)
                 if note
             ],
@@ -338,7 +338,7 @@ def _shown_array(seen: PageSeen) -> _Array:
     return _Array(newtons.info, gap_s, newtons)
 
 
-def _how_it_does(note: dict[str, Any], age_s: float) -> dict[str, Any]:
+def how_it_does(note: dict[str, Any], age_s: float) -> dict[str, Any]:
     """Return a source's newest report; an old one claims nothing of the present, save an end.
 
     Args:
