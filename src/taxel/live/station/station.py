@@ -332,8 +332,9 @@ class Station:
     def _take_in(self, note: dict[str, Any], now_s: float) -> None:
         """Pass one note of a monitor or a recogniser on to whom it concerns."""
         if note["kind"] == "new grasp":
-            self.driving.new_grasp()
-            self.person.new_grasp(now_s, str(note.get("outcome", "")), note.get("who", ""))
+            who = note.get("who", "")
+            self.driving.new_grasp(who)
+            self.person.new_grasp(now_s, str(note.get("outcome", "")), who)
         elif note["kind"] == "reaction":
             self.person.marked(str(note["what"]), float(note["time_s"]), note.get("who", ""))
         elif note["kind"] == "grasp":
