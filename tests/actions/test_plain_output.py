@@ -264,6 +264,32 @@ def test_raises_begin_anew_where_the_robot_says_how_hard_it_grips_but_not_in_dou
     assert [action.force_n for action in heard] == [40.0, 40.0, 40.0, 15.0]
 
 
+def test_a_robot_that_grips_harder_than_the_largest_force_is_not_ordered_to_loosen() -> None:
+    """It was sent "grip" with the largest force while the object slipped: 40 N in place of 80."""
+    heard: list[Action] = []
+    answers: list[object] = [{"do": "gripping", "force_n": 80.0}]
+
+    def robot(action: Action) -> object:
+        heard.append(action)
+        return answers.pop(0) if answers else None
+
+    interlock = armed()
+    actuator = OutputActuator("robot", CallbackOutput(robot, ManualClock(10.0)))
+    calm, slips = "STABLE", "WARNING"
+    for number, word in enumerate((calm, calm, slips, "UNSTABLE", calm, calm, slips)):
+        if number == 4:
+            answers.append({"do": "gripping", "force_n": 20.0})
+        interlock.decision(word, 10.0, 40.0)
+        actuator.hear(interlock, 10.0)
+        actuator.apply(WARNING, interlock.tick(10.0), 10.0)
+
+    assert [(action.order, action.force_n) for action in heard[1:]] == [
+        ("hold", 80.0), ("hold", 80.0), ("hold", 80.0), ("hold", 80.0), ("hold", 20.0),
+        ("grip", 20.0),
+    ]  # fmt: skip
+    assert heard[2].order_reason == "the robot grips with 80 N, and no more is ordered"
+
+
 def test_what_a_robot_says_of_its_own_grip_makes_no_step_of_a_gripper_driven_here() -> None:
     """200 N/s: a tick of 10 ms raises by 2 N, whatever comes over the wire; it may still disarm."""
     clock = ManualClock(10.0)

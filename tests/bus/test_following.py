@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, nullcontext
+from dataclasses import replace
 from time import monotonic
 from types import SimpleNamespace
 from typing import Any
@@ -124,6 +125,27 @@ def test_about_says_what_the_arrays_and_cameras_are(following: Following) -> Non
     about = following.about()
     assert about["sources"][0]["sensor"]["channels"] == ("a", "b")
     assert [camera["topic"] for camera in about["cameras"]] == ["/camera/left", "/camera/depth"]
+
+
+def test_two_hands_of_one_kind_have_topics_of_their_own() -> None:
+    """Scans of both under one topic would be one array with a jumping counter."""
+    with ExitStack() as stack:
+        own = Rings(stack)
+        second = stack.enter_context(Ring(2**18)).name
+        writer = stack.enter_context(RingWriter(second))
+        beside = PageSeen(url="sim://y", ring=second, sensor=HAND, cameras=())
+        view = replace(own.view, sources=(*own.view.sources, beside))
+        following = stack.enter_context(Following(view))
+        own.source.put(pack(Samples.from_values(np.full((1, 2), 1.0), np.array([0.0]))))
+        writer.put(pack(Samples.from_values(np.full((1, 2), 2.0), np.array([0.0]))))
+        found = {item.topic: float(item.value.values[0, 0]) for item in following.take()}
+        for each in (own.source, writer):  # one simulator, named twice
+            each.put(pack({"kind": "source", "url": "sim://x"}))
+        numbers = [item.value["source"] for item in following.take()]
+        topics = [source["topic"] for source in following.about()["sources"]]
+    assert found == {"/touch/teng": 1.0, "/touch/teng-2": 2.0}
+    assert topics == ["/touch/teng", "/touch/teng-2"]
+    assert numbers == [1, 2]
 
 
 def test_the_page_shows_depth_in_colours(rings: Rings) -> None:

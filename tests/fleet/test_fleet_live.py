@@ -32,8 +32,9 @@ with ExitStack() as stack:
     every = [stack.enter_context(Reporter(parse_mqtt(url))) for url in sys.argv[1:]]
     while True:
         for one in every:
-            one.take_in("/state", {"time_s": time.monotonic(), "state": "STABLE", "alarms": []})
-            one.report(time.monotonic())
+            now_s = time.monotonic()
+            one.take_in("/state", {"time_s": now_s, "state": "STABLE", "alarms": []}, now_s)
+            one.report(now_s)
         time.sleep(0.05)
 """
 

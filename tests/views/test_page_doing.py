@@ -24,10 +24,11 @@ class Advising(SimStation):
     def __init__(self) -> None:
         super().__init__(None, None)
         self.do: dict[str, object] | None = {"word": "HOLD", "why": "the grasp is stable"}
+        self.cameras, self.reaction_time_s = "", None
 
     def snapshot(self):
-        trial = {"number": 3, "alarm_s": None, "reaction": "", "reaction_time_s": None,
-                 "outcome": ""}  # fmt: skip
+        trial = {"number": 3, "alarm_s": None, "reaction": "", "outcome": "",
+                 "reaction_time_s": self.reaction_time_s, "cameras": self.cameras}  # fmt: skip
         return super().snapshot() | {"do": self.do, "trial": trial}
 
     def react(self, what: str) -> str:
@@ -113,6 +114,17 @@ def test_keys_and_buttons_log_what_the_person_did(browser, opened, station):
     while station.commands != expected:
         assert time.monotonic() < until_s, station.commands
         time.sleep(0.02)
+
+
+def test_of_several_grasps_the_page_names_the_one_that_the_buttons_are_about(
+    browser, opened, station
+):
+    note = "document.getElementById('trialnote').textContent"
+    browser.until(f"{note} === 'grasp 3'")
+    station.cameras = "left-2 + right-2"
+    browser.until(f"{note} === 'grasp 3, left-2 + right-2'")
+    station.reaction_time_s = 0.52
+    browser.until(f"{note} === '0.5 s after alarm, left-2 + right-2'")
 
 
 VOICES = """

@@ -30,6 +30,7 @@ class Station:
         self.moment = 0
         self.commands: list[object] = []
         self.fails = ""
+        self.alarms: list[dict[str, object]] = []
         self.heard = threading.Event()
 
     def snapshot(self):
@@ -38,7 +39,7 @@ class Station:
         self.moment += 1
         return {
             "time_s": float(self.moment), "state": "STABLE", "reason": "", "since_s": 0.0,
-            "probability": float("nan"), "alarms": [], "cameras": [{"name": "left"}],
+            "probability": float("nan"), "alarms": self.alarms, "cameras": [{"name": "left"}],
         }  # fmt: skip
 
     def frame(self, camera):
@@ -75,7 +76,7 @@ def server(served):
 
 @pytest.fixture
 def station(served):
-    served[1].fails = ""
+    served[1].fails, served[1].alarms = "", []
     served[1].heard.clear()
     return served[1]
 
@@ -226,6 +227,27 @@ def test_a_person_s_word_and_request_reach_the_station_and_its_refusal_comes_bac
         assert answer(socket)["reason"] == "only a recording can be wound"
 
     assert station.commands[-2:] == ["acknowledge", (True, {"object": "cup 3"})]
+
+
+def test_an_alarm_that_a_page_has_not_shown_is_not_acknowledged_by_it(server, station):
+    """A key pressed while the network stood still arrived after alarms that nobody had seen."""
+    alarm = {"kind": "grasp", "text": "", "level": "warning", "since_s": 1.0, "acknowledged": False}
+    station.commands.clear()
+    with page(server) as socket:
+        push(socket)  # without an alarm
+        station.alarms = [alarm]
+        socket.send('{"do":"acknowledge"}')
+        assert "had not shown yet" in answer(socket)["reason"]
+        while not push(socket)["snapshot"]["alarms"]:
+            pass
+        station.alarms = [{**alarm, "level": "danger"}]  # worse than what was shown
+        socket.send('{"do":"acknowledge"}')
+        assert "had not shown yet" in answer(socket)["reason"]
+        while push(socket)["snapshot"]["alarms"][0]["level"] != "danger":
+            pass
+        socket.send('{"do":"acknowledge"}')
+        assert answer(socket) == {"done": "acknowledge", "reason": ""}
+    assert station.commands == ["acknowledge"]
 
 
 def test_a_station_that_fails_is_reported_on_the_page_and_comes_back(server, station):

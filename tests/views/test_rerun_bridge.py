@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from taxel.live.station.packets import pack
 from taxel.live.station.page_link import PageSeen, ViewConfig
+from taxel.live.station.ring import Ring, RingWriter
 from taxel.signals import Samples, SensorInfo, Validity
 from taxel.views.rerun_bridge import _Bridge
 
@@ -25,6 +29,9 @@ class Viewer:
     def Scalars(self, values: Any) -> Any:  # noqa: N802  # as rerun calls it
         return values
 
+    def TextLog(self, text: str) -> Any:  # noqa: N802  # as rerun calls it
+        return text
+
     def log(self, path: str, what: Any) -> None:
         self.logged.append((path, what))
 
@@ -33,7 +40,7 @@ def test_a_value_that_may_not_be_used_is_a_gap_and_no_zero():
     """Boards fill scans that never came with zeros, and flag them."""
     viewer = Viewer()
     bridge = _Bridge.__new__(_Bridge)
-    bridge._rerun, bridge._row_s = viewer, [-np.inf]
+    bridge._rerun, bridge._row_s, bridge._arrays = viewer, [-np.inf], ["hand"]
     bridge._view = ViewConfig(
         sources=(PageSeen(url="", ring="", sensor=HAND, cameras=()),), decisions=(), status="",
         requests="", beats="", stall_s=0.1,
@@ -44,3 +51,48 @@ def test_a_value_that_may_not_be_used_is_a_gap_and_no_zero():
     rows = [values.tolist() for _, values in viewer.logged]
     assert np.isnan(rows[0][1])
     np.testing.assert_allclose([rows[0][0], *rows[1]], [0.5, 0.7, 0.2], rtol=1e-6)
+
+
+def _view(rings: list[str], beats: str, watchers: tuple[str, ...]) -> ViewConfig:
+    seen = [PageSeen(url="", ring=name, sensor=HAND, cameras=()) for name in rings[:2]]
+    return ViewConfig(
+        sources=tuple(seen), decisions=tuple(rings[2:]), status="", requests="", beats=beats,
+        stall_s=0.1, watchers=watchers,
+    )  # fmt: skip
+
+
+def test_two_hands_and_two_monitors_are_drawn_apart():
+    """Both hands have one name, and both monitors decide about frames of the same moments."""
+    viewer = Viewer()
+    with ExitStack() as stack:
+        rings = [stack.enter_context(Ring(2**16)).name for _ in range(4)]
+        first, second, left, right = (stack.enter_context(RingWriter(name)) for name in rings)
+        bridge = _Bridge(viewer, _view(rings, "", ("monitor 1/0", "monitor 2/0")))
+        stack.callback(bridge.close)
+        for writer, value in ((first, 1.0), (second, 2.0)):
+            writer.put(pack(Samples.from_values(np.full((1, 2), value), np.array([0.0]))))
+        decided = {"kind": "grasp", "time_s": 0.0, "reason": "", "is_score": True}
+        left.put(pack(decided | {"who": "monitor 1/0", "p": 0.1, "state": "STABLE"}))
+        right.put(pack(decided | {"who": "monitor 2/0", "p": 0.9, "state": "WARNING"}))
+        bridge.follow(SimpleNamespace(consumed=0, dropped=0))
+    assert [(path, np.asarray(what).tolist()) for path, what in viewer.logged] == [
+        ("arrays/hand", [1.0, 1.0]),
+        ("arrays/hand-2", [2.0, 2.0]),
+        ("grasp/monitor-1-0/score", [0.1]),
+        ("grasp/monitor-1-0/state", "STABLE"),
+        ("grasp/monitor-2-0/score", [0.9]),
+        ("grasp/monitor-2-0/state", "WARNING"),
+    ]
+
+
+def test_one_monitor_is_drawn_as_the_grasp():
+    viewer = Viewer()
+    with ExitStack() as stack:
+        rings = [stack.enter_context(Ring(2**16)).name for _ in range(3)]
+        _, _, decisions = (stack.enter_context(RingWriter(name)) for name in rings)
+        bridge = _Bridge(viewer, _view(rings, "", ("monitor/0",)))
+        stack.callback(bridge.close)
+        decisions.put(pack({"kind": "grasp", "time_s": 0.0, "reason": "", "who": "monitor/0",
+                            "p": 0.1, "state": "STABLE"}))  # fmt: skip
+        bridge.follow(SimpleNamespace(consumed=0, dropped=0))
+    assert [path for path, _ in viewer.logged] == ["grasp/probability", "grasp/state"]

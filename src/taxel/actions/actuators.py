@@ -296,7 +296,7 @@ class OutputActuator:
             if isinstance(word, Disarm):
                 interlock.disarm(now_s, f"the robot's program ({self.name})")
             elif self.alone and interlock.release(word.force_n):
-                self.output.grips_with(interlock.force_n)
+                self.output.grips_with(max(word.force_n, interlock.force_n))
         return Health("", math.inf)
 
     def new_grasp(self) -> None:

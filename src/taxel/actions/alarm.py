@@ -167,6 +167,15 @@ class AlarmLatch:
         """Note that another grasp begins: a condition that alarms again in it is a new alarm."""
         self._leaving = True
 
+    def renew_grasp(self) -> None:
+        """Note that one of several grasps begins to alarm or gets worse.
+
+        That somebody acknowledged the alarm of another grasp must not silence this one's.
+        """
+        alarm = self._alarms.get(GRASP)
+        if alarm is not None and alarm.acknowledged:
+            del self._alarms[GRASP]
+
     def watch(self, decision: StabilityDecision, armed: bool, now_s: float) -> None:
         """Set and clear the alarms GRASP and INPUT by a decision.
 
@@ -245,6 +254,19 @@ class AlarmLatch:
                     del self._alarms[kind]
                 return True
         return False
+
+    def acknowledge_until(self, until_s: float, now_s: float) -> bool:
+        """Acknowledge the alarms raised until a moment; return whether there is no later one.
+
+        Args:
+            until_s: Of what the person saw, monotonic seconds.
+            now_s: This moment, monotonic seconds.
+        """
+        later = [alarm for alarm in self.alarms if not alarm.since_s <= until_s]
+        for alarm in self.alarms:
+            if alarm not in later:
+                self.acknowledge(alarm.number, now_s)
+        return not later
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:

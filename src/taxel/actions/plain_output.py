@@ -31,7 +31,8 @@ may answer, to the address that the datagrams come from, one JSON object a datag
         act no more; nothing but a person at taxel arms again
     {"schema": "taxel-action-1", "do": "gripping", "force_n": 15.0}
         my own program grips with this force: raises begin here. Not once stopped, not with
-        less while the grasp is in doubt, and not where taxel drives a gripper itself
+        less while the grasp is in doubt, and not where taxel drives a gripper itself. Above the
+        largest force that taxel orders, hold takes the place of grip: nothing is lowered
 
 Answers count from the very address and port that the datagrams go to; what others send, the
 system refuses. UDP does not encrypt, and knows who answers by address alone: keep it on this
@@ -49,7 +50,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from taxel.actions.answer_output import Recognised, finite_number, recognised_of
@@ -184,6 +185,8 @@ class _Output:
         self._clock = clock or SystemClock()
         self._grasp = 1
         self._sent_n = -math.inf
+        self._own_n = -math.inf
+        """What the robot said last that it grips with, newtons."""
 
     def new_grasp(self) -> None:
         """Say from now on that another grasp has begun; the force sent stays."""
@@ -191,7 +194,7 @@ class _Output:
 
     def grips_with(self, force_n: float) -> None:
         """Begin again at the force that the robot says it grips with, newtons."""
-        self._sent_n = force_n
+        self._sent_n = self._own_n = force_n
 
     def _action(
         self, decision: StabilityDecision, order: Order, sequence: int, now_s: float
@@ -203,6 +206,9 @@ class _Output:
         now_s = max(now_s, self._clock.now_s())
         if order.kind is not OrderKind.NONE and not order.valid(now_s):
             return None
+        if order.kind is OrderKind.GRIP and order.force_n < self._own_n:
+            reason = f"the robot grips with {self._own_n:g} N, and no more is ordered"
+            order = replace(order, kind=OrderKind.HOLD, reason=reason)
         action = action_of(decision, order, sequence, now_s, self._grasp, self._sent_n)
         if action.force_n is not None:
             self._sent_n = action.force_n

@@ -61,6 +61,8 @@ class Following:
         every = [camera for seen in view.sources for camera in seen.cameras]
         self.cameras = apart(every)
         """All cameras, under names that differ."""
+        self._topics = [scan_topic(array.name) for array in apart([s.sensor for s in view.sources])]
+        """Of each source's array: two hands of one kind are two topics."""
         self._newest: dict[str, Any] = {}
         self._stall_sent_s = 0.0
 
@@ -82,10 +84,12 @@ class Following:
         """Return what came since the last call, oldest first within a topic; never waits."""
         found: list[Item] = []
         first = 0
-        for seen, reader in zip(self._view.sources, self._sources, strict=True):
-            topic = scan_topic(seen.sensor.name)
+        for number, (seen, reader) in enumerate(
+            zip(self._view.sources, self._sources, strict=True)
+        ):
+            topic = self._topics[number]
             cameras = self.cameras[first : first + len(seen.cameras)]
-            found += _joined(topic, _source_items(topic, cameras, reader.take()))
+            found += _joined(topic, _source_items(number, topic, cameras, reader.take()))
             first += len(seen.cameras)
         for reader in self._decisions:
             for content in reader.take():
@@ -111,9 +115,9 @@ class Following:
         """Return what the station has: each source's array and cameras, as a manifest has them."""
         return {
             "sources": [
-                {"url": seen.url, "topic": scan_topic(seen.sensor.name),
+                {"url": seen.url, "topic": topic,
                  "sensor": asdict(seen.sensor) if seen.sensor.channels else None}
-                for seen in self._view.sources
+                for seen, topic in zip(self._view.sources, self._topics, strict=True)
             ],
             "cameras": [{"topic": frame_topic(c.name), **asdict(c)} for c in self.cameras],
         }  # fmt: skip
@@ -132,7 +136,7 @@ class Following:
 
 
 def _source_items(
-    topic: str, cameras: Sequence[CameraInfo], contents: Sequence[bytes]
+    number: int, topic: str, cameras: Sequence[CameraInfo], contents: Sequence[bytes]
 ) -> Iterator[Item]:
     for content in contents:
         packet = unpack(content)
@@ -146,7 +150,8 @@ def _source_items(
         elif isinstance(packet, Mark):
             yield Item(MARK_TOPIC, asdict(packet), packet.end_s)
         elif packet.get("kind") == "source":
-            yield Item(SOURCES, packet, monotonic())
+            # Two sources may have one address, as of a simulator.
+            yield Item(SOURCES, packet | {"source": number + 1}, monotonic())
 
 
 def _joined(topic: str, items: Iterator[Item]) -> list[Item]:

@@ -30,7 +30,7 @@ from taxel.fleet.reports import (
     topic_of,
 )
 from taxel.foreign.addresses import bracketed
-from taxel.live.station.page_link import ViewConfig
+from taxel.live.station.page_link import ViewConfig, how_it_does
 from taxel.live.station.worker import Place, at_work, settle_memory
 
 _LOOK_S = 0.05
@@ -63,7 +63,7 @@ def report(job: Reporting) -> None:
         while not pulse.stopping:
             for item in following.take():
                 if isinstance(item.value, dict):
-                    reporter.take_in(item.topic, item.value)
+                    reporter.take_in(item.topic, item.value, item.time_s)
             reporter.report(time.monotonic())
             pulse.consumed, pulse.produced = following.taken, reporter.sent
             pulse.beat()
@@ -84,7 +84,8 @@ class Reporter:
             station=address.station, boot=boot, version=__version__, bundles=bundles
         )
         self._state: dict[str, Any] = {}
-        self._sources: dict[str, dict[str, Any]] = {}
+        self._sources: dict[int, tuple[dict[str, Any], float]] = {}
+        """Number of a source → its newest report, and when that came, monotonic seconds."""
         self._reported_s = float("-inf")
         self._alive = topic_of(self.station, ALIVE)
         self._broker = Broker(
@@ -108,12 +109,18 @@ class Reporter:
         own = f"{bracketed(address.host)}:{address.port} as {self.station}"
         return own if broker.connected else f"{own}; no broker yet: {broker.why}; it is tried again"
 
-    def take_in(self, topic: str, note: dict[str, Any]) -> None:
-        """Take in what came through the station's rings."""
+    def take_in(self, topic: str, note: dict[str, Any], time_s: float) -> None:
+        """Take in what came through the station's rings.
+
+        Args:
+            topic: As `following` names it.
+            note: The state, or how a source does.
+            time_s: When that was so, monotonic seconds.
+        """
         if topic == STATE:
             self._state = note
         elif topic == SOURCES:
-            self._sources[str(note["url"])] = note
+            self._sources[note["source"]] = note, time_s
 
     def report(self, now_s: float) -> None:
         """Report, once a second at most; never waits.
@@ -124,7 +131,7 @@ class Reporter:
         if now_s - self._reported_s < PERIOD_S:
             return
         self._reported_s = now_s
-        sources = list(self._sources.values())
+        sources = [how_it_does(note, now_s - time_s) for note, time_s in self._sources.values()]
         made = make_report(self._identity, self.sent, self._state, sources, time.time())
         self.sent += self._broker.publish(topic_of(self.station, REPORT), made.as_bytes())
 

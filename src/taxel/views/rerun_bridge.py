@@ -77,10 +77,12 @@ class _Bridge:
         self._view = view
         names = apart([camera for source in view.sources for camera in source.cameras])
         self._cameras = [camera.name for camera in names]
+        self._arrays = [array.name for array in apart([seen.sensor for seen in view.sources])]
         self._sources = [RingReader(source.ring) for source in view.sources]
         self._decisions = [RingReader(name) for name in view.decisions]
         self._row_s = [-np.inf] * len(view.sources)
-        self._word = ""
+        self._words: dict[str, str] = {}
+        """The state that each grasp monitor gave last."""
 
     def follow(self, pulse: Pulse) -> None:
         first = 0
@@ -109,13 +111,13 @@ class _Bridge:
             image = rerun.EncodedImage(contents=packet.jpeg, media_type=kind)
             rerun.log(f"cameras/{name}", image)
         elif isinstance(packet, Samples):
-            sensor = self._view.sources[number].sensor
             usable = np.where(packet.usable, packet.values, np.nan)  # what is missing is no 0 V
             for time_s, values in zip(packet.fitted_s.tolist(), usable, strict=True):
                 if time_s - self._row_s[number] >= _ROW_S - ROUNDING_S:
                     self._row_s[number] = time_s
                     rerun.set_time("time", duration=time_s)
-                    rerun.log(f"arrays/{sensor.name}", rerun.Scalars(values.astype(np.float64)))
+                    path = f"arrays/{self._arrays[number]}"
+                    rerun.log(path, rerun.Scalars(values.astype(np.float64)))
 
     def _decision(self, note: Packet) -> None:
         rerun = self._rerun
@@ -125,15 +127,22 @@ class _Bridge:
         if note["kind"] == "answer":
             rerun.log(f"answers/{note['target']}", rerun.TextLog(note["label"]))
             return
+        who, root = note["who"], self._grasp_of(note["who"])
         if note["p"] is not None:
             kind = "score" if note.get("is_score") else "probability"
-            rerun.log(f"grasp/{kind}", rerun.Scalars([note["p"]]))
+            rerun.log(f"{root}/{kind}", rerun.Scalars([note["p"]]))
         if note.get("slip", {}).get("slip_seen"):
-            rerun.log("grasp/slip_mm", rerun.Scalars([note["slip"]["slip_mm"]]))
-            rerun.log("grasp/slip_rate_mm_s", rerun.Scalars([note["slip"]["slip_rate_mm_s"]]))
-        if note["state"] != self._word:
-            self._word = note["state"]
-            rerun.log("grasp/state", rerun.TextLog(f"{self._word} {note['reason']}".strip()))
+            rerun.log(f"{root}/slip_mm", rerun.Scalars([note["slip"]["slip_mm"]]))
+            rerun.log(f"{root}/slip_rate_mm_s", rerun.Scalars([note["slip"]["slip_rate_mm_s"]]))
+        if note["state"] != self._words.get(who):
+            self._words[who] = note["state"]
+            text = f"{note['state']} {note['reason']}".strip()
+            rerun.log(f"{root}/state", rerun.TextLog(text))
+
+    def _grasp_of(self, who: str) -> str:
+        """Return where a monitor's decisions stand: by its name where there are several."""
+        several = len(self._view.watchers) > 1
+        return f"grasp/{who.replace(' ', '-').replace('/', '-')}" if several else "grasp"
 
     def close(self) -> None:
         for ring in (*self._sources, *self._decisions):

@@ -65,7 +65,7 @@ def test_any_request_of_a_page_is_one_of_three_or_is_refused(request: object):
         done.append("record")
 
     station = SimpleNamespace(
-        acknowledge=lambda: done.append("acknowledge"),
+        acknowledge=lambda until_s: done.append("acknowledge"),
         end_recording=lambda: done.append("end"),
         record=record,
         config=SimpleNamespace(groups={"session": "1"}, labels={}, recordings=Path("recordings")),

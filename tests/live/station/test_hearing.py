@@ -220,6 +220,25 @@ def test_an_action_is_an_event_once_until_another_answer(make: Any):
     assert rig.station.answers.summary()[0]["answers"] == {"ball": 3, "cube": 1}
 
 
+def test_cameras_of_another_grasp_that_are_in_time_do_not_end_the_alarm_of_a_late_one(make: Any):
+    """Acknowledged, it was ended by one monitor and raised anew by the other, 60 times a second."""
+    rig, other = make(), "monitor 2/0"
+    rig.station.guard.expect(other, 0.0)
+    rig.grasp(1.0, time_s=0.9, late={"left": 0.25})
+    rig.hear(1.0)
+    rig.station.acknowledge()
+    for number in range(1, 4):
+        now_s = 1.0 + number / 60
+        rig.grasp(now_s, time_s=now_s, late={"left": 0.25})
+        rig.grasp(now_s, time_s=now_s, who=other, late={})
+        rig.hear(now_s)
+    alarm = rig.alarm("late camera")
+    assert (alarm.on, alarm.acknowledged, alarm.since_s) == (True, True, 1.0)
+    rig.grasp(2.0, time_s=1.9, late={})
+    rig.hear(2.0)
+    assert all(found.kind != "late camera" for found in rig.station.guard.alarms.alarms)
+
+
 def test_a_gate_that_moved_is_an_event(make: Any):
     rig = make()
     rig.monitor.put(pack({"kind": "news", "who": RECOGNISER["who"], "text": "shape: gate up"}))
@@ -233,7 +252,8 @@ def test_the_page_reacts_acknowledges_and_ends_a_recording(make: Any):
     rig.grasp(1.0, "UNSTABLE")
     rig.hear(1.0)
     assert not rig.alarm("grasp").acknowledged
-    for request in ({"do": "react", "what": "pour stopped"}, {"do": "acknowledge"}, {"do": "end"}):
+    seen = {"do": "acknowledge", "until_s": 1.0}
+    for request in ({"do": "react", "what": "pour stopped"}, seen, {"do": "end"}):
         rig.page.put(pack(request))
     rig.hear(1.1)
 
@@ -312,3 +332,22 @@ def test_each_watched_pair_of_cameras_has_the_names_that_the_recording_gives_the
     assert Wiring.watchers_by_cameras(wiring) == {
         "left + right": ("monitor 2/0",), "left-2 + right-2": ("monitor 3/0",),
     }  # fmt: skip
+
+
+def test_the_page_acknowledges_no_alarm_that_it_has_not_shown(make: Any):
+    """A word that waited, as while the supervisor stood still, is not of what came meanwhile."""
+    rig = make()
+    rig.station.person.begin(0.5)
+    rig.station.guard.trouble("late camera", "left is 40 ms late", 1.0, danger=False)
+    rig.grasp(2.0, "UNSTABLE")
+    rig.hear(2.0)
+    rig.page.put(pack({"do": "acknowledge", "until_s": 1.95}))
+    rig.hear(2.1)
+    assert rig.alarm("late camera").acknowledged
+    assert not rig.alarm("grasp").acknowledged
+    refused = rig.station.refused_requests
+    for until_s in (None, "9", {}):
+        rig.page.put(pack({"do": "acknowledge", "until_s": until_s}))
+    rig.hear(2.2)
+    assert rig.station.refused_requests == refused + 3
+    assert not rig.alarm("grasp").acknowledged

@@ -90,11 +90,14 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> ManualClock:
 
 def test_each_button_is_one_request(make: Any):
     rig = make((HAND, ()))
+    rig.supervisor.put(pack({"time_s": 7.5}))
+    rig.view.snapshot()
     rig.view.acknowledge()
     rig.view.disarm()
     assert rig.view.react("put down") == ""
     assert rig.asked() == [
-        {"do": "acknowledge"}, {"do": "disarm"}, {"do": "react", "what": "put down"},
+        {"do": "acknowledge", "until_s": 7.5}, {"do": "disarm"},
+        {"do": "react", "what": "put down"},
     ]  # fmt: skip
 
 

@@ -103,6 +103,9 @@ def test_grasps_of_two_pairs_of_cameras_are_logged_apart() -> None:
     turn(0.1)
     states["monitor 2/0"] = "WARNING"
     turn(0.2)
+    shown = person.trial()
+    assert shown is not None
+    assert shown["cameras"] == "left-2 + right-2"  # the page names whose buttons these are
     person.say("put down", 0.5)
     person.new_grasp(1.0, "hold", "monitor 1/0")
     person.new_grasp(2.0, "drop", "monitor 2/0")

@@ -134,7 +134,7 @@ class Grasping:
         self.driving = Driving(self.guard, 15.0)
         self.sent_n: list[float] = []
         send = lambda n, _: self.sent_n.append(n)  # noqa: E731  # one line, used once
-        self.driving.add(SimulatedGrip(send, FORCE, self.clock))
+        self.driving.add(SimulatedGrip(send, FORCE, self.clock, {"monitor"}))
         self.guard.expect("monitor", self.clock.now_s())
 
     def run(self, state: str, seconds: float) -> None:
@@ -163,6 +163,20 @@ def test_a_calm_new_grasp_begins_with_the_least_force_and_only_once():
     assert rig.guard.interlock.force_n > 15.0
     rig.run("STABLE", 1.0)
     assert rig.guard.interlock.force_n > 15.0
+
+
+def test_a_new_grasp_of_another_cup_lowers_nothing_of_this_one():
+    """The gripper holds the first cup only: it was sent 17 N after 50, and loosened it."""
+    rig = Grasping()
+    rig.begin()
+    rig.driving.new_grasp("monitor of another cup")
+    rig.run("STABLE", 1.0)
+    rig.run("WARNING", 0.1)
+    assert rig.guard.interlock.force_n == 50.0
+    assert sorted(rig.sent_n) == rig.sent_n
+    rig.driving.new_grasp("monitor")
+    rig.run("STABLE", 1.0)
+    assert rig.guard.interlock.force_n == 15.0
 
 
 def test_a_new_grasp_that_slips_at_once_keeps_the_force():

@@ -56,7 +56,7 @@ with ExitStack() as stack:
                  "alarms": [alarm], "consumers": [{"name": name, "state": "running", "dropped": 0}
                  for name in ("monitor", "recorder", "page", "alarm watch")]}
         for reporter in every:
-            reporter.take_in("/state", state)
+            reporter.take_in("/state", state, float(state["time_s"]))
             reporter.report(now_s)
         time.sleep(0.05)
 """

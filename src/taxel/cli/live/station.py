@@ -227,7 +227,9 @@ def _drive_simulated(options: StationOptions, station: Station) -> None:
     def send(force_n: float, expires_s: float) -> None:
         station.order(name, {"grip_n": force_n, "expires_s": expires_s})
 
-    station.drive(SimulatedGrip(send, _range(options)))
+    monitors = [monitor for monitor in station.wiring.monitors if monitor.feed is feeds[0]]
+    watchers = {who for monitor in monitors for who in monitor.watchers}
+    station.drive(SimulatedGrip(send, _range(options), watchers=watchers))
 
 
 def _note(options: StationOptions, text: str) -> None:

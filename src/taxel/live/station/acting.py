@@ -8,7 +8,7 @@ Background of our choices: docs/decisions/0019.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from taxel.actions.actuators import Health
@@ -30,15 +30,21 @@ class SimulatedGrip:
             monotonic seconds, to the process that simulates the cup.
         force: What that gripper can do.
         clock: Looked at before anything is sent: an order may be older than its tick.
+        watchers: Names of the monitors of that cup; None where all are.
     """
 
     def __init__(
-        self, send: Callable[[float, float], None], force: ForceRange, clock: Clock | None = None
+        self,
+        send: Callable[[float, float], None],
+        force: ForceRange,
+        clock: Clock | None = None,
+        watchers: Collection[str] | None = None,
     ) -> None:
         self.name = "the simulated cup's gripper"
         self.force: ForceRange | None = force
         self._send = send
         self._clock = clock or SystemClock()
+        self._watchers = watchers
         self._sent_n = math.nan
         self._sent_s = -math.inf
 
@@ -57,6 +63,14 @@ class SimulatedGrip:
         if higher or same:
             self._sent_n, self._sent_s = order.force_n, now_s
             self._send(order.force_n, order.expires_s)
+
+    def begins(self, who: str) -> bool:
+        """Return whether a new grasp that a monitor reports is one of this cup.
+
+        Args:
+            who: The monitor; empty where every grasp begins anew.
+        """
+        return not who or self._watchers is None or who in self._watchers
 
     def new_grasp(self) -> None:
         """The simulated gripper begins anew by itself: the next raise is to be sent whole."""

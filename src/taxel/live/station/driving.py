@@ -50,15 +50,21 @@ class Driving:
         if isinstance(actuator, CountsMessages):
             self._outputs.append(actuator)
 
-    def new_grasp(self) -> None:
+    def new_grasp(self, who: str = "") -> None:
         """Hear that a new grasp begins: said to all, and by itself it lowers nothing.
 
         Only the simulated gripper is known to begin each cup with its least force; orders to it
-        do so as well, once the new grasp is calm.
+        do so as well, once the new grasp is calm. Another cup's grasp says nothing of its own.
+
+        Args:
+            who: The monitor of that grasp; empty for every grasp.
         """
         self._guard.new_grasp()
-        self._releasing = any(isinstance(actuator, SimulatedGrip) for actuator in self._actuators)
         for actuator in self._actuators:
+            if isinstance(actuator, SimulatedGrip):
+                if not actuator.begins(who):
+                    continue
+                self._releasing = True
             if isinstance(actuator, FollowsGrasps):
                 actuator.new_grasp()
 

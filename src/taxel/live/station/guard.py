@@ -29,6 +29,7 @@ _LEAST_N = 0.1
 _FAULT = "the monitor is silent"
 STALL = "supervisor"
 """Kind of the alarm that the supervisor itself stood still."""
+_LEVELS = {Stability.WARNING: 1, Stability.UNSTABLE: 2}
 _WORST = (
     Stability.STABLE, Stability.NO_GRASP, Stability.UNKNOWN, Stability.WARNING, Stability.UNSTABLE,
 )  # fmt: skip
@@ -79,6 +80,9 @@ class Guard:
         self._config = config or GuardConfig()
         self._monitors: dict[str, _Monitor] = {}
         self._weighed_last: dict[str, StabilityDecision] = {}
+        self._levels: dict[str, int] = {}
+        """Process of monitors, which watches one grasp → how bad that grasp was since it was calm:
+        0, 1 warned, 2 unstable."""
         self._shown = (NO_GRASP, "", 0.0)
         self._doubt = ""
         self._decision = StabilityDecision(
@@ -204,6 +208,8 @@ class Guard:
             every, decided_s = self._weighed(silent, now_s)
             self._weighed_last = every
             decision = self._decision = replace(_worst_of(every.values()), slip=self.slip)
+            if self._worsens(every):
+                self.alarms.renew_grasp()
             self.alarms.watch(decision, armed=self.interlock.armed, now_s=now_s)
             force_n = self._asked_n(every, now_s)
             self.interlock.decision(decision.state.name, decided_s, force_n)
@@ -313,6 +319,24 @@ class Guard:
                 every[name] = monitor.decision
                 oldest_s = min(oldest_s, monitor.decided_s)
         return every, oldest_s
+
+    def _worsens(self, every: Mapping[str, StabilityDecision]) -> bool:
+        """Return whether any of the grasps begins to alarm, or gets worse.
+
+        Joined with another grasp that alarms already, it would not be seen to.
+        """
+        grasps: dict[str, list[StabilityDecision]] = {}
+        for who, decision in every.items():
+            grasps.setdefault(who.partition("/")[0], []).append(decision)
+        worsens = False
+        for name, decisions in grasps.items():
+            state, before = _worst_of(decisions).state, self._levels.get(name, 0)
+            if state in (Stability.STABLE, Stability.NO_GRASP):
+                self._levels[name] = 0
+            else:  # silence is no evidence of calm
+                self._levels[name] = max(before, _LEVELS.get(state, 0))
+            worsens = worsens or self._levels[name] > before
+        return worsens
 
     def _alarm_of_silence(self, silent: str, now_s: float) -> None:
         if silent and not self._doubt:

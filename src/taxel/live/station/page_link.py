@@ -25,6 +25,7 @@ from taxel.decisions.reasons import REASONS
 from taxel.errors import TaxelError
 from taxel.image_head import is_sound
 from taxel.live.station.beats import BeatsView
+from taxel.live.station.evidence_trace import EvidenceTrace
 from taxel.live.station.packets import pack, unpack
 from taxel.live.station.recording import apart
 from taxel.live.station.ring import RingReader, RingWriter
@@ -77,6 +78,8 @@ class ViewConfig:
     """Name of the board of beats: the page sees by itself where the supervisor stands still."""
     stall_s: float
     """A supervisor's tick that is older than this is a stall, seconds."""
+    watchers: tuple[str, ...] = ()
+    """Names of all grasp monitors."""
 
 
 @dataclass(slots=True)
@@ -140,7 +143,7 @@ class StationView:
         self._array = None
         if self._array_at is not None:
             self._array = _shown_array(config.sources[self._array_at])
-        self._p: deque[tuple[float, float]] = deque(maxlen=round(_KEPT_S * 60))
+        self._evidence = EvidenceTrace(_KEPT_S)
         self._newest: dict[str, Any] = {}
         self._notes: list[dict[str, Any]] = [{} for _ in config.sources]
         self._noted_s = [-math.inf] * len(config.sources)
@@ -164,7 +167,7 @@ class StationView:
             newest |= stalled_snapshot(newest, still_s, monotonic())
         return nothing | newest | {
             "sources": [
-                _how_it_does(note, monotonic() - noted_s) | {"kind": note["kind_of"]}
+                how_it_does(note, monotonic() - noted_s) | {"kind": note["kind_of"]}
                 for note, noted_s in zip(self._notes, self._noted_s, strict=True)
                 if note
             ],
@@ -199,7 +202,7 @@ class StationView:
         events = self._newest.get("events", [])
         each = (
             rows[-1][0] if rows else -math.inf,
-            max([t for t, _ in self._p], default=-math.inf),  # of several monitors: not the last
+            max([t for t, _ in self._evidence.points], default=-math.inf),  # not always the last
             float(events[-1][0]) if events else -math.inf,
         )
         newest_s = max([moment for moment in each if math.isfinite(moment)], default=0.0)
@@ -209,7 +212,7 @@ class StationView:
         self._answered.setdefault(newest_s, each)
         while len(self._answered) > _ANSWERS:
             self._answered.popitem(last=False)
-        chances = [(t, p) for t, p in self._p if t > after[1]]
+        chances = [(t, p) for t, p in self._evidence.points if t > after[1]]
         kept = [row for row in rows if row[0] > after[0]][::_EVERY]
         columns = zip(*(values for _, values in kept), strict=True) if kept else ()
         return {
@@ -221,8 +224,8 @@ class StationView:
         }
 
     def acknowledge(self) -> None:
-        """Report to the supervisor that a person saw the alarms."""
-        self._ask({"do": "acknowledge"})
+        """Report to the supervisor that a person saw the alarms of the newest snapshot."""
+        self._ask({"do": "acknowledge", "until_s": self._newest.get("time_s", 0.0)})
 
     def record(self, on: bool, labels: dict[str, str]) -> str:
         """Start or stop recording; wait until it is so, or why not."""
@@ -282,13 +285,13 @@ class StationView:
             lost, came = reader.lost, reader.take()
             # While no page is open nothing is read, and a ring keeps the newest alone: no line is
             # drawn across what is not known.
-            if reader.lost > lost and self._p:
-                self._p.append((self._p[-1][0] + _TINY_S, math.nan))
+            if reader.lost > lost:
+                self._evidence.lack()
             for content in came:
                 note = unpack(content)
                 if isinstance(note, dict) and self._draws(note):
-                    p = note.get("p")
-                    self._p.append((note["time_s"], math.nan if p is None else p))
+                    p = math.nan if note.get("p") is None else note["p"]
+                    self._evidence.add(str(note.get("who")), note["time_s"], p)
 
     def _draws(self, note: dict[str, Any]) -> bool:
         """True for a decision about frames; scores and probabilities are not mixed in one trace."""
@@ -335,7 +338,7 @@ def _shown_array(seen: PageSeen) -> _Array:
     return _Array(newtons.info, gap_s, newtons)
 
 
-def _how_it_does(note: dict[str, Any], age_s: float) -> dict[str, Any]:
+def how_it_does(note: dict[str, Any], age_s: float) -> dict[str, Any]:
     """Return a source's newest report; an old one claims nothing of the present, save an end.
 
     Args:

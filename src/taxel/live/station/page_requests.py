@@ -23,8 +23,8 @@ class Askable(Protocol):
     def config(self) -> StationConfig:
         """Labels, groups and the folder of recordings."""
 
-    def acknowledge(self) -> Any:
-        """Let alarms end that a person has seen."""
+    def acknowledge(self, until_s: float) -> Any:
+        """Let alarms end that a person has seen: those until a moment."""
 
     def disarm(self, by: str) -> Any:
         """Take the grip's power to follow."""
@@ -48,7 +48,9 @@ def fulfil(station: Askable, request: Packet) -> None:
     if not isinstance(request, dict):
         raise TypeError("a request is a note")
     if request["do"] == "acknowledge":
-        station.acknowledge()
+        if not isinstance(request["until_s"], int | float):
+            raise TypeError("until_s is a moment, seconds")
+        station.acknowledge(request["until_s"])
     elif request["do"] == "disarm":
         station.disarm("a person at the page")
     elif request["do"] == "react":

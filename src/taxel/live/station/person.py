@@ -129,5 +129,12 @@ class Person:
         return {"word": ", ".join(answer["action"] for answer in own), "why": why, "since_s": None}
 
     def trial(self) -> dict[str, Any] | None:
-        """Return the grasp that is watched as the page shows it; None where none is."""
-        return self._foremost().snapshot() if self._guard.shown[0] != NO_GRASP else None
+        """Return the grasp that is watched as the page shows it; None where none is.
+
+        Of several grasps it is the one that a person speaks of, named by its cameras.
+        """
+        if self._guard.shown[0] == NO_GRASP:
+            return None
+        foremost = self._foremost()
+        named = {"cameras": foremost.trial.cameras} if len(self._reactions) > 1 else {}
+        return foremost.snapshot() | named

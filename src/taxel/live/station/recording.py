@@ -12,12 +12,12 @@ import contextlib
 import itertools
 import resource
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic, sleep
-from typing import Any
+from typing import Any, TypeVar
 
 from taxel.errors import TaxelError
 from taxel.live.station.beats import Work
@@ -32,6 +32,7 @@ from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo, SlipNote
 from taxel.sim.pour.state import has_truth
 
+_Sensor = TypeVar("_Sensor", CameraInfo, SensorInfo)
 _PAUSE_S = 0.01
 """How often the rings are looked at. Source: our choice."""
 _REPORT_S = 0.2
@@ -102,15 +103,15 @@ def _in_words(array: SensorInfo) -> str:
     return f"{array.name} (what the simulator knows of forces and slip)" if is_truth else array.name
 
 
-def apart(cameras: list[CameraInfo]) -> tuple[CameraInfo, ...]:
-    """Return the cameras of several sources under names that differ."""
-    found: list[CameraInfo] = []
-    for camera in cameras:
-        taken = {camera.name for camera in found}
-        name, number = camera.name, 2
+def apart(sensors: Sequence[_Sensor]) -> tuple[_Sensor, ...]:
+    """Return the cameras, or the arrays, of several sources under names that differ."""
+    found: list[_Sensor] = []
+    for sensor in sensors:
+        taken = {before.name for before in found}
+        name, number = sensor.name, 2
         while name in taken:
-            name, number = f"{camera.name}-{number}", number + 1
-        found.append(replace(camera, name=name))
+            name, number = f"{sensor.name}-{number}", number + 1
+        found.append(replace(sensor, name=name))
     return tuple(found)
 
 

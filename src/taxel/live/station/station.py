@@ -10,6 +10,7 @@ Background of our choices: docs/decisions/0019.
 from __future__ import annotations
 
 import contextlib
+import math
 from collections import deque
 from collections.abc import Callable
 from multiprocessing.process import BaseProcess
@@ -28,6 +29,7 @@ from taxel.live.station.answers import Answers
 from taxel.live.station.beats import Beats, Work
 from taxel.live.station.driving import Driving
 from taxel.live.station.guard import NO_GRASP, Guard
+from taxel.live.station.late_cameras import LateCameras
 from taxel.live.station.packets import notes_of, pack, unpack
 from taxel.live.station.page_link import ViewConfig
 from taxel.live.station.page_requests import fulfil
@@ -80,6 +82,7 @@ class Station:
         self.driving = Driving(self.guard, limits.min_n, self._happened)
         self._recorder = RecorderLink(self.guard, self._happened)
         self.person = Person(self.guard, monotonic(), self._recorder.keep_trial)
+        self._late = LateCameras(self.guard)
         self.latencies = Latencies()
         self.answers = Answers(())
         self.events: deque[tuple[int, float, str]] = deque(maxlen=_EVENTS)
@@ -166,11 +169,10 @@ class Station:
         """Order nothing more, on behalf of a person; a stop stays a stop."""
         self.guard.interlock.disarm(monotonic(), by)
 
-    def acknowledge(self) -> None:
-        """Acknowledge every alarm, on behalf of a person."""
-        for alarm in self.guard.alarms.alarms:
-            self.guard.alarms.acknowledge(alarm.number, monotonic())
-        self.person.acknowledged(monotonic())
+    def acknowledge(self, until_s: float = math.inf) -> None:
+        """Acknowledge the alarms raised until a moment, on behalf of a person who saw them."""
+        if self.guard.alarms.acknowledge_until(until_s, monotonic()):
+            self.person.acknowledged(monotonic())
 
     def say(self, text: str) -> None:
         """Add words to the events, such as what a person did."""
@@ -330,15 +332,16 @@ class Station:
     def _take_in(self, note: dict[str, Any], now_s: float) -> None:
         """Pass one note of a monitor or a recogniser on to whom it concerns."""
         if note["kind"] == "new grasp":
-            self.driving.new_grasp()
-            self.person.new_grasp(now_s, str(note.get("outcome", "")), note.get("who", ""))
+            who = note.get("who", "")
+            self.driving.new_grasp(who)
+            self.person.new_grasp(now_s, str(note.get("outcome", "")), who)
         elif note["kind"] == "reaction":
             self.person.marked(str(note["what"]), float(note["time_s"]), note.get("who", ""))
         elif note["kind"] == "grasp":
             self.guard.decide(note["who"], note)
             self._recorder.keep_slip(note)
             self.skipped = max(self.skipped, int(note["skipped"]))
-            self._report_late_cameras(note, now_s)
+            self._late.hear(note, now_s)
         elif note["kind"] in ("waiting", "level"):
             self.answers.keep(note)
         elif note["kind"] == "news":
@@ -348,13 +351,6 @@ class Station:
             self.driving.recognised(answer)
             if news:
                 self._happened(now_s, news)
-
-    def _report_late_cameras(self, note: dict[str, Any], now_s: float) -> None:
-        if late := note.get("late"):
-            text = ", ".join(f"{name} is {1000 * s:.0f} ms late" for name, s in late.items())
-            self.guard.trouble("late camera", text, now_s, danger=False)
-        elif "time_s" in note:
-            self.guard.over("late camera", now_s)
 
     def _happened(self, now_s: float, text: str) -> None:
         self._event_number += 1

@@ -199,6 +199,7 @@ class Wiring:
             requests=self.requests,
             beats=self._processes.beats_name,
             stall_s=self._config.interlock.stall_s,
+            watchers=tuple(who for monitor in self.monitors for who in monitor.watchers),
         )
 
     def _calibrate(self, path: Path | None) -> Feed | None:

@@ -53,6 +53,10 @@ Source: our choice."""
 MOST_CAMERAS = 16
 """Cameras whose images are pushed."""
 
+_UNSEEN = "an alarm came that this page had not shown yet: look at it, then acknowledge"
+
+_Alarms = frozenset[tuple[Any, ...]]
+"""Alarms by kind, level and beginning; their words may change each moment."""
 _log = logging.getLogger("taxel.page")
 
 
@@ -79,6 +83,10 @@ class _Client:
     seen: asyncio.Event = field(default_factory=asyncio.Event)
     under_way: set[asyncio.Task[None]] = field(default_factory=set)
     """Commands that are being carried out."""
+    pushed: _Alarms = frozenset()
+    """Alarms in the newest push that nobody has acknowledged."""
+    shown: _Alarms = frozenset()
+    """Those of the newest push that the page has seen."""
     failed: str = ""
     """Why the newest push holds nothing; empty where it does."""
     allowance: float = MESSAGES_HZ
@@ -167,6 +175,7 @@ class Clients:
             images = self._images(client, len(snapshot.get("cameras") or ()))
             push = {"number": client.number, "snapshot": snapshot, "traces": traces}
             text = to_json(push)
+            client.pushed = _unacknowledged(snapshot)
             client.since_s = float(traces.get("time_s", client.since_s))
         except Exception as error:  # a link that fails must show on the page, not end it
             reason = f"{type(error).__name__}: {error}"[:200]
@@ -218,34 +227,42 @@ class Clients:
         """
         while len(client.under_way) >= MOST_UNDER_WAY:
             await asyncio.wait(client.under_way, return_when=asyncio.FIRST_COMPLETED)
-        task = asyncio.create_task(self._obey(client, command))
+        task = asyncio.create_task(self._obey(client, command, client.shown))
         client.under_way.add(task)
         task.add_done_callback(client.under_way.discard)
 
-    async def _obey(self, client: _Client, command: Command) -> None:
+    async def _obey(self, client: _Client, command: Command, shown: _Alarms = frozenset()) -> None:
         if isinstance(command, Seen):
             if command.number == client.number:
+                client.shown = client.pushed
                 client.seen.set()
             return
         name = type(command).__name__.lower()
         try:
-            reason = await self._do(command)
+            reason = await self._do(command, shown)
         except Exception as error:  # as in _compose: the person must see it
             _log.exception("%s failed", name)
             reason = f"{type(error).__name__}: {error}"[:200]
         with suppress(WebSocketDisconnect, RuntimeError):  # gone meanwhile: the listener sees it
             await client.socket.send_text(to_json({"done": name, "reason": reason}))
 
-    async def _do(self, command: Command) -> str:
+    async def _do(self, command: Command, shown: _Alarms) -> str:
         """Hand a command to the link; return "" or why it could not be done.
 
         In turn, but for the one that waits for nobody: to disarm.
+
+        Args:
+            command: It.
+            shown: The alarms that the page had shown when the command came: a person acknowledges
+                what they saw, and a word that was long on its way says nothing of later ones.
         """
         replay = self._replay
         if isinstance(command, Disarm):
             return await asyncio.to_thread(self._link.disarm) or ""
         async with self._work:
             match command:
+                case Acknowledge() if _unacknowledged(self._link.snapshot()) - shown:
+                    return _UNSEEN
                 case Acknowledge():
                     await asyncio.to_thread(self._link.acknowledge)
                 case Record(on, labels):
@@ -265,6 +282,15 @@ class Clients:
                 case _:
                     return "only a recording can be wound"
         return ""
+
+
+def _unacknowledged(snapshot: dict[str, Any]) -> _Alarms:
+    alarms = snapshot.get("alarms") or ()
+    return frozenset(
+        (alarm.get("kind"), alarm.get("level"), alarm.get("since_s"))
+        for alarm in alarms
+        if not alarm.get("acknowledged")
+    )
 
 
 def _unforeseen(error: Exception) -> Exception | None:

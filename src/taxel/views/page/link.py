@@ -53,7 +53,8 @@ class StationLink(Protocol):
                 cent}, or None;
             do (may be left out): {word, why, since_s}: what the person is to do, or None;
             trial (may be left out): {number, alarm_s, reaction, reaction_time_s, outcome} of the
-                grasp that is watched, or None;
+                grasp that is watched, or None; where there are several, also cameras: those of the
+                grasp that `react` is about;
             plan (may be left out): {word, why, number, of, words, balance, asks}: a plan of
                 trials that is recorded, see `PlanLink`;
             replay: only of recordings, see `ReplayLink.snapshot`.

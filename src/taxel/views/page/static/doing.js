@@ -52,7 +52,8 @@ export function drawPerson(trial) {
     one.setAttribute("aria-pressed", String(on));
   }
   const after = trial.reaction_time_s;
-  const text = Number.isFinite(after) ? `${number(Math.abs(after), 1)} s ${after < 0 ? "before" : "after"} alarm` : `grasp ${trial.number}`;
+  const own = Number.isFinite(after) ? `${number(Math.abs(after), 1)} s ${after < 0 ? "before" : "after"} alarm` : `grasp ${trial.number}`;
+  const text = trial.cameras ? `${own}, ${trial.cameras}` : own; // of several grasps, the one that the buttons are about
   if ($("trialnote").textContent !== text) $("trialnote").textContent = text;
 }
 

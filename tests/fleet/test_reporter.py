@@ -1,0 +1,32 @@
+"""What a station's report says of its sources, without a broker."""
+
+import importlib.util
+import json
+
+import pytest
+
+if importlib.util.find_spec("paho") is None:
+    pytest.skip("needs paho-mqtt: pip install 'taxel[bus]'", allow_module_level=True)
+
+from taxel.bus.addresses import parse_mqtt
+from taxel.fleet.broker import Broker
+from taxel.fleet.reporter import Reporter
+
+
+def _source(number: int, lost: int) -> dict[str, object]:
+    return {"kind": "source", "source": number, "url": "sim://teng", "name": "teng",
+            "state": "live", "lost": lost}  # fmt: skip
+
+
+def test_two_sources_of_one_address_and_one_that_fell_silent(monkeypatch: pytest.MonkeyPatch):
+    """The second replaced the first with its losses; one that was killed stayed "live"."""
+    sent: list[bytes] = []
+    monkeypatch.setattr(Broker, "publish", lambda _, topic, payload: sent.append(payload) or True)
+    reporter = Reporter(parse_mqtt("mqtt://127.0.0.1:1883/bench-1"))
+    reporter.take_in("/state", {"time_s": 10.0, "state": "STABLE"}, 10.0)
+    reporter.take_in("/sources", _source(1, 40), 5.0)
+    reporter.take_in("/sources", _source(2, 2), 9.9)
+    reporter.report(10.0)
+    report = json.loads(sent[0])
+    assert [(s["state"], s["lost"]) for s in report["sources"]] == [("silent", 40), ("live", 2)]
+    assert report["lost"] == 42
