@@ -1,10 +1,13 @@
 """What a calibration says about the array in words: presses under the wrong name are noticed."""
 
+from typing import Any
+
 import numpy as np
+import pytest
 
 from taxel.calibration.characterise import characterise
 from taxel.calibration.presses import Press, Script
-from taxel.calibration.report import findings
+from taxel.calibration.report import findings, narrow_table, notes
 from taxel.calibration.results import PressedRecording
 from taxel.calibration.stored import document_of
 from taxel.signals import Samples, SensorInfo
@@ -19,6 +22,11 @@ def lines_about_a_pair(noted: tuple[int, int]) -> list[str]:
     Args:
         noted: Which channel the presses of the first pad, and of the second, are noted under.
     """
+    return findings(a_pair(noted))
+
+
+def a_pair(noted: tuple[int, int], unit: str = "V", in_unit: float = 1.0) -> dict[str, Any]:
+    """Return the calibration of that pair, in a unit of which a volt is so many."""
     presses, places = [], []
     for number, (pad, round_, force) in enumerate(
         (pad, round_, force) for pad in (0, 1) for round_ in (1, 2) for force in FORCES_N
@@ -36,12 +44,13 @@ def lines_about_a_pair(noted: tuple[int, int]) -> list[str]:
         bump = 0.5 * force * np.sin(np.pi * (time_s[on] - start_s) / 0.8)
         values[on, pad] += bump
         values[on, 1 - pad] += 0.02 * bump
-    info = SensorInfo(name="pads", channels=("left", "right"), units=("V", "V"), rate_hz=RATE_HZ)
+    values *= in_unit
+    info = SensorInfo(name="pads", channels=("left", "right"), units=(unit, unit), rate_hz=RATE_HZ)
     taken = PressedRecording(
         samples=Samples.from_values(values, time_s), script=Script(presses=tuple(presses)),
         rate_hz=RATE_HZ,
     )  # fmt: skip
-    return findings(document_of(characterise([taken], info), [], {}))
+    return document_of(characterise([taken], info), [], {})
 
 
 def test_presses_under_the_wrong_name_get_a_warning_for_each_sensor() -> None:
@@ -57,3 +66,20 @@ def test_ghosts_of_a_fiftieth_get_none() -> None:
 
     assert any("left → right: 2.0%" in line for line in lines)
     assert not any(line.startswith("warning") for line in lines)
+
+
+@pytest.mark.parametrize(("unit", "in_unit"), [("mV", 1000.0), ("count", 250.0)])
+def test_an_array_that_is_not_in_volts_is_shown_in_its_own_unit(unit: str, in_unit: float) -> None:
+    """A sensor of 0.5 V/N with 5 mV of noise, in mV and as 250 counts a volt."""
+    names, rows = narrow_table(a_pair((0, 1), unit, in_unit))
+    volt_names, volt_rows = narrow_table(a_pair((0, 1)))
+    shown, in_volts = (
+        dict(zip(names, rows[0], strict=True)),
+        dict(zip(volt_names, volt_rows[0], strict=True)),
+    )
+
+    assert float(in_volts["V/N"]) == pytest.approx(0.5, rel=0.05)
+    assert float(shown[f"{unit}/N"]) == pytest.approx(in_unit * float(in_volts["V/N"]), rel=0.01)
+    assert float(in_volts["noise mV"]) == pytest.approx(5.0, rel=0.1)
+    assert float(shown[f"noise {unit}"]) == pytest.approx(0.005 * in_unit, rel=0.1)
+    assert any(note.startswith(f"{unit}/N: slope") for note in notes(a_pair((0, 1), unit)))

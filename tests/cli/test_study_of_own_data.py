@@ -9,6 +9,9 @@ from taxel.cli.evaluation.reproduce.unknown_objects import UnknownObjects
 from taxel.cli.options.arrays import RecipeOptions
 from taxel.cli.options.hand_sets import comparison_config
 from taxel.errors import BadDataset
+from taxel.evaluation.fold_jobs import Source, open_source
+from taxel.evaluation.table_split import OWN_SPLIT
+from taxel.evaluation.teng.model_comparison import load_windows
 from taxel.training.recipes import find_recipe
 from taxel.windows import dataset as windows
 from taxel.windows.config import WindowConfig
@@ -57,3 +60,11 @@ def test_unknown_touch_is_sought_on_windows_without_the_hand_s_gate(
 def test_a_gate_in_volts_for_newtons_is_refused_there_too(pads: Path) -> None:
     with pytest.raises(BadDataset, match="channels in V for a gate"):
         UnknownObjects(data=pads, recipe=RecipeOptions(recipe="teng", target="level")).run()
+
+
+def test_a_gate_that_the_user_gives_is_in_the_channels_own_unit(pads: Path) -> None:
+    """Also where it is as large as the TENG hand's, in volts."""
+    options = RecipeOptions(window=(("gate=1.55", "grid=own"),))
+    recipe = options.resolve(default="array", data=pads)
+    assert len(open_source(Source(path=pads, recipe=recipe, folds=2, given=OWN_SPLIT)).dataset)
+    assert len(load_windows(pads, comparison_config(pads, options, 2), "level"))

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.calibration.baseline import RestLine, rest_blocks, rest_line, smoothed
-from taxel.calibration.stored import Calibration, ChannelCalibration
+from taxel.calibration.stored import Calibration, ChannelCalibration, shown_units
 from taxel.errors import BadInput
 from taxel.recordings.reader import iterate_blocks, read_recording
 from taxel.recordings.writer import Recorder
@@ -63,7 +63,7 @@ def correct(
         samples: Of one recording, whole: baselines need its rests.
         info: The array they come from.
         calibration: Its calibration.
-        unit: V or N.
+        unit: V, which stands for the array's own unit, or N.
         rate_hz: Scans a second, as measured.
 
     Raises:
@@ -108,7 +108,7 @@ def write_corrected(
         source: The raw recording; it stays as it is.
         output: The recording to be, ending in .mcap.
         calibration: Of the same sensors.
-        unit: V or N.
+        unit: V, which stands for the array's own unit, or N.
         overwrite: Replace an existing output.
 
     Raises:
@@ -146,7 +146,7 @@ def write_corrected(
     return {
         "recording": str(output),
         "raw": str(source),
-        "unit": unit,
+        "unit": shown_units(corrected.info.units)[0],
         "calibration": calibration.digest,
         "baselines": {
             channel.channel: {"level_v": line.level, "drift_v_per_hour": line.per_hour}

@@ -17,6 +17,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from taxel.calibration.curves import Curve, Form
+from taxel.calibration.stored import shown_units
 from taxel.plotting import drawn_name, finished, plt
 
 _ACROSS = 4
@@ -27,7 +28,7 @@ Document = Mapping[str, Any]
 
 
 def curves(document: Document) -> bytes:
-    """Return volts over force, one small picture a sensor: presses, curve, band, usable range."""
+    """Return values over force, one small picture a sensor: presses, curve, band, usable range."""
     channels = document["channels"]
     down = -(-len(channels) // _ACROSS)
     figure, grid = plt.subplots(
@@ -38,7 +39,7 @@ def curves(document: Document) -> bytes:
     for axes, channel in zip(grid.ravel(), channels, strict=False):
         _curve(axes, channel, document["form"])
     for axes in grid[:, 0]:
-        axes.set_ylabel("V", fontsize=8)
+        axes.set_ylabel(_units(document)[0], fontsize=8)
     for axes in grid[-1]:
         axes.set_xlabel("N", fontsize=8)
     handles = [
@@ -103,7 +104,7 @@ def errors_by_force(document: Document) -> bytes:
 
 
 def uniformity(document: Document) -> bytes:
-    """Return each sensor's volts at one force, and what pins read of known voltages."""
+    """Return each sensor's value at one force, and what pins read of known voltages."""
     results = [document["at_one_force"], *document["references"]]
     names = [drawn_name(channel["channel"]) for channel in document["channels"]]
     figure, grid = plt.subplots(
@@ -122,7 +123,7 @@ def uniformity(document: Document) -> bytes:
         axes.plot(volts[far], place[far], "D", color=_RED, ms=5)
         axes.plot(volts[end], place[end], ">", color=_GREY, ms=5)
         axes.set_title(_about(result), fontsize=8.5, loc="left")
-        axes.set_xlabel("V", fontsize=8)
+        axes.set_xlabel(_units(document)[0], fontsize=8)
         axes.tick_params(labelsize=7.5)
         axes.grid(axis="x", alpha=0.25)
         axes.spines[["top", "right"]].set_visible(False)
@@ -169,6 +170,7 @@ def ghosts(document: Document) -> bytes:
 def rest(document: Document) -> bytes:
     """Return noise, hum and drift of each sensor at rest."""
     channels = document["channels"]
+    _, small, factor = _units(document)
     names = [drawn_name(channel["channel"]) for channel in channels]
     place = np.arange(len(names))
     figure, (left, right) = plt.subplots(
@@ -180,9 +182,9 @@ def rest(document: Document) -> bytes:
         ("hum_50_v", "s", _DOWN, "50 Hz"),
         ("hum_60_v", "^", "#228855", "60 Hz"),
     ):
-        values = 1000.0 * _numbers([channel["noise"][key] for channel in channels])
+        values = factor * _numbers([channel["noise"][key] for channel in channels])
         left.plot(values, place, mark, color=colour, ms=5, label=label)
-    left.set_xlabel("mV", fontsize=8)
+    left.set_xlabel(small, fontsize=8)
     left.set_xlim(left=0)
     left.legend(fontsize=7.5, frameon=False, loc="lower left", bbox_to_anchor=(-0.02, 1.0),
                 ncols=4, columnspacing=0.8, handletextpad=0.1)  # fmt: skip
@@ -190,12 +192,12 @@ def rest(document: Document) -> bytes:
         line = channel["rest"]
         if line is None:
             continue
-        low, high = _numbers(line["per_hour_95"]) * 1000.0
+        low, high = _numbers(line["per_hour_95"]) * factor
         if math.isfinite(low):
             right.plot([low, high], [at, at], color=_UP, lw=3, alpha=0.4)
-        right.plot(1000.0 * line["per_hour"], at, "o", color=_UP, ms=5)
+        right.plot(factor * line["per_hour"], at, "o", color=_UP, ms=5)
     right.axvline(0.0, color=_GREY, lw=0.8)
-    right.set_xlabel("drift of the baseline, mV an hour", fontsize=8)
+    right.set_xlabel(f"drift of the baseline, {small} an hour", fontsize=8)
     left.set_yticks(place, names, fontsize=8)
     left.invert_yaxis()
     for axes in (left, right):
@@ -203,6 +205,11 @@ def rest(document: Document) -> bytes:
         axes.grid(axis="x", alpha=0.25)
         axes.spines[["top", "right"]].set_visible(False)
     return finished(figure)
+
+
+def _units(document: Document) -> tuple[str, str, float]:
+    unit, small, factor = shown_units(document["sensor"]["units"])
+    return drawn_name(unit), drawn_name(small), factor
 
 
 def _numbers(values: Sequence[float | None]) -> NDArray[np.float64]:

@@ -10,22 +10,18 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from taxel.calibration.stored import shown_units
 from taxel.plain_text import html_text, number_of
 from taxel.recordings.whole import write_whole
 
 Document = Mapping[str, Any]
 
-COLUMNS = (
-    "sensor", "curve", "R²", "range N", "V/N", "hysteresis %", "repeat %", "noise mV",
-    "hum mV", "drift mV/h", "rise ms", "error N", "line N",
-)  # fmt: skip
-"""Of the table of sensors."""
-NARROW = tuple(name for name in COLUMNS if name not in ("curve", "hum mV"))
-"""Those of them that fit a terminal."""
-NOTES = (
+_WIDE = ("curve", "hum ")
+"""What columns begin with that a terminal has no room for."""
+_NOTES = (
     "range N: from where the curve is three times the noise above rest (extrapolated where that is "
     "below the smallest press) to where 95 % of presses lie within half of the true force",
-    "V/N: slope at the middle force; hysteresis: falling less rising forces, share of the span",
+    "/N: slope at the middle force; hysteresis: falling less rising forces, share of the span",
     "rise: 10 to 90 %, gauge and sensor together; noise: rms at the full rate; hum: 50 and 60 Hz",
     "error N: mean error of presses held out, forces in the sensor's range; line N: the same of a "
     "straight line, the trivial baseline",
@@ -46,8 +42,28 @@ th,td{border-color:#343b44}img{background:#fff;border-radius:4px}}
 """
 
 
-def sensor_row(entry: Mapping[str, Any]) -> list[str]:
-    """Return one sensor's cells, in the order of `COLUMNS`."""
+def columns(document: Document) -> list[str]:
+    """Return the columns of the table of sensors, in the units of this array."""
+    unit, small, _ = shown_units(document["sensor"]["units"])
+    return [
+        "sensor", "curve", "R²", "range N", f"{unit}/N", "hysteresis %", "repeat %",
+        f"noise {small}", f"hum {small}", f"drift {small}/h", "rise ms", "error N", "line N",
+    ]  # fmt: skip
+
+
+def notes(document: Document) -> list[str]:
+    """Return what the columns mean, in the units of this array."""
+    unit, _, _ = shown_units(document["sensor"]["units"])
+    return [unit + note if note.startswith("/N") else note for note in _NOTES]
+
+
+def sensor_row(entry: Mapping[str, Any], factor: float) -> list[str]:
+    """Return one sensor's cells, in the order of `columns`.
+
+    Args:
+        entry: The sensor's part of a calibration.
+        factor: What small values are multiplied by, as `shown_units` gives it.
+    """
     rest, noise = entry["rest"], entry["noise"]
     errors = entry["errors"][-1] if entry["errors"] else None
     span = None
@@ -69,22 +85,27 @@ def sensor_row(entry: Mapping[str, Any]) -> list[str]:
             hysteresis["mean_pct"], hysteresis["low_pct"], hysteresis["high_pct"], "{:+.1f}"
         ),
         _text(None if span is None else _share(entry["repeatability_v"], span), "{:.1f}"),
-        _text(_milli(noise["rms_v"]), "{:.1f}"),
-        " / ".join(_text(_milli(noise[hum]), "{:.1f}") for hum in ("hum_50_v", "hum_60_v")),
-        "–" if rest is None else _text(_milli(rest["per_hour"]), "{:+.0f}"),
-        _text(_milli(entry["rise_s"][0]), "{:.0f}"),
+        _text(_times(noise["rms_v"], factor), "{:.1f}"),
+        " / ".join(_text(_times(noise[hum], factor), "{:.1f}") for hum in ("hum_50_v", "hum_60_v")),
+        "–" if rest is None else _text(_times(rest["per_hour"], factor), "{:+.0f}"),
+        _text(_times(entry["rise_s"][0], 1000.0), "{:.0f}"),
         "–" if errors is None else _text(errors["curve_n"][0], "{:.3f}"),
         "–" if errors is None else _text(errors["line_n"][0], "{:.3f}"),
     ]
 
 
-def narrow_row(entry: Mapping[str, Any]) -> list[str]:
-    """Return one sensor's cells, in the order of `NARROW`; intervals are left out."""
-    cells = dict(zip(COLUMNS, sensor_row(entry), strict=True))
-    if entry["why_none"]:
-        cells["range N"] = "no curve"
-    cells["hysteresis %"] = cells["hysteresis %"].partition(" ")[0]
-    return [cells[name] for name in NARROW]
+def narrow_table(document: Document) -> tuple[list[str], list[list[str]]]:
+    """Return the columns that fit a terminal, and each sensor's cells; intervals are left out."""
+    names = columns(document)
+    *_, factor = shown_units(document["sensor"]["units"])
+    rows = []
+    for entry in document["channels"]:
+        cells = dict(zip(names, sensor_row(entry, factor), strict=True))
+        if entry["why_none"]:
+            cells["range N"] = "no curve"
+        cells["hysteresis %"] = cells["hysteresis %"].partition(" ")[0]
+        rows.append([cell for name, cell in cells.items() if not name.startswith(_WIDE)])
+    return [name for name in names if not name.startswith(_WIDE)], rows
 
 
 def findings(document: Document) -> list[str]:
@@ -195,9 +216,12 @@ def write_page(path: Path, document: Document, command: str) -> None:
 
     sensor = document["sensor"]
     title = f"Sensors of {sensor['name']} {sensor['serial']}".strip()
-    head = "".join(f"<th>{html_text(name)}</th>" for name in COLUMNS)
+    head = "".join(f"<th>{html_text(name)}</th>" for name in columns(document))
+    *_, factor = shown_units(sensor["units"])
     body = "".join(
-        "<tr>" + "".join(f"<td>{html_text(cell)}</td>" for cell in sensor_row(channel)) + "</tr>"
+        "<tr>"
+        + "".join(f"<td>{html_text(cell)}</td>" for cell in sensor_row(channel, factor))
+        + "</tr>"
         for channel in document["channels"]
     )
     conditions = ", ".join(f"{k} {v}" for k, v in document["conditions"].items()) or "not known"
@@ -214,9 +238,9 @@ def write_page(path: Path, document: Document, command: str) -> None:
         + "</ul>",
         f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
         "</div>",
-        f"<p><small>{'. '.join(map(html_text, NOTES))}.</small></p>",
-        "<h2>Force to voltage</h2>",
-        _figure(figures.curves(document), "Volts above the baseline over the gauge's newtons."),
+        f"<p><small>{'. '.join(map(html_text, notes(document)))}.</small></p>",
+        "<h2>Curves</h2>",
+        _figure(figures.curves(document), "Values above the baseline over the gauge's newtons."),
         "<h2>Error on presses that were not fitted on</h2>",
         _figure(
             figures.errors_by_force(document),
@@ -287,8 +311,8 @@ def _text(value: float | None, form: str) -> str:
     return "–" if value is None else form.format(value)
 
 
-def _milli(value: float | None) -> float | None:
-    return None if value is None else 1000.0 * value
+def _times(value: float | None, factor: float) -> float | None:
+    return None if value is None else factor * value
 
 
 def _share(value: float | None, of: float) -> float | None:

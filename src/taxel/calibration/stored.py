@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -32,6 +32,18 @@ _LARGEST_BYTES = 20_000_000
 _IDENTITY = ("simulator", "seed", "wiring", "reference_v")
 """Details that tell an array apart from another of the same name: simulated ones have no serial
 number of their own."""
+
+
+def shown_units(units: Sequence[str]) -> tuple[str, str, float]:
+    """Return the unit that channels' values are shown in, that of small ones, and its factor.
+
+    Small values of channels in V are shown in mV, those of others in the channels' own unit.
+
+    Args:
+        units: Each channel's, as the array states them.
+    """
+    own = ", ".join(dict.fromkeys(units))
+    return ("V", "mV", 1000.0) if own == "V" else (own, own, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

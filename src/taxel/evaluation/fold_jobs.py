@@ -73,7 +73,7 @@ def open_source(source: Source) -> Opened:
     """
     recipe = source.recipe
     dataset = load_dataset(source.path, recipe.window, target=recipe.target)
-    check_gate(dataset)
+    check_gate(dataset, own=recipe.own_gate)
     if source.given:
         dataset, split = split_elsewhere(source.path, dataset, recipe.target, source.given)
     else:

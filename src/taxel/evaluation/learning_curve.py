@@ -83,7 +83,7 @@ def learning_curve(
             fewer than two groups.
     """
     dataset = load_dataset(path, recipe.window, target=recipe.target)
-    check_gate(dataset)
+    check_gate(dataset, own=recipe.own_gate)
     split = recipe_split(recipe.split, dataset, recipe.target, folds, recipe.train.seed)
     key = coarsest_group(dataset.trials, split.name)
     whole = split.whole_trials("to take some away", "choose another with --split group:KEY")

@@ -63,7 +63,7 @@ def train_on_all(
     path, checkpoints = Path(path), Path(checkpoints)
     find_network(recipe.model)
     dataset = load_dataset(path, recipe.window, target=recipe.target)
-    check_gate(dataset)
+    check_gate(dataset, own=recipe.own_gate)
     known, dataset = dataset, part(dataset)
     if recipe.window.level_follow is not None and len(dataset.trials) < len(known.trials):
         # What is kept back must have no part in the usual level either.
@@ -118,14 +118,18 @@ def train_bundle(
     return write_bundle(bundle, trained.networks, trained.contract, windows.values, windows.mask)
 
 
-def check_gate(dataset: Dataset) -> None:
+def check_gate(dataset: Dataset, *, own: bool = False) -> None:
     """Refuse a gate in volts for channels in other units.
 
+    Args:
+        dataset: Cut by that gate.
+        own: Whether the gate was chosen for these recordings, in their channels' unit.
+
     Raises:
-        BadDataset: The window has a gate and no channel is in volts.
+        BadDataset: The window has a recipe's gate and no channel is in volts.
     """
     gate, units = dataset.config.gate, sorted(set(dataset.sensor.units))
-    if gate is not None and "V" not in units:
+    if gate is not None and not own and "V" not in units:
         raise BadDataset(
             f"channels in V for a gate of {gate:g}",
             f"channels in {', '.join(units)}",

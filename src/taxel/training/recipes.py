@@ -35,6 +35,9 @@ class Recipe:
     window's own."""
     members: int = 1
     """Networks whose probabilities are averaged."""
+    own_gate: bool = False
+    """Whether the window's gate was chosen for the recordings, in their channels' unit; gates of
+    recipes are in volts."""
 
 
 _GLOVE_WINDOW = WindowConfig(steps=400, stride=400, grid_hz=None, max_gap_s=1.0)

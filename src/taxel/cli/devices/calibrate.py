@@ -72,7 +72,7 @@ class Calibrate:
     apply: Path | None = None
     """A calibration (.json) to correct the recording by."""
     unit: Literal["V", "N"] = "V"
-    """With --apply: corrected volts, or newtons."""
+    """With --apply: corrected volts (or what else the array's unit is), or newtons."""
     seed: int = 0
     """Seed of the resampling for the intervals."""
     overwrite: bool = False
@@ -304,14 +304,15 @@ class Calibrate:
 
     def _correct(self, calibration: Path) -> None:
         from taxel.calibration.apply import write_corrected
-        from taxel.calibration.stored import read_calibration
+        from taxel.calibration.stored import read_calibration, shown_units
 
         if len(self.source) != 1 or self.presses or self.html:
             raise BadInput("one recording with --apply", " ".join(self.source), "name one")
+        stored = read_calibration(calibration)
         ledger = write_corrected(
             Path(self.source[0].removeprefix("replay://")),
             self.output,
-            read_calibration(calibration),
+            stored,
             self.unit,
             self.overwrite,
         )
@@ -322,26 +323,29 @@ class Calibrate:
         drift = max((abs(line["drift_v_per_hour"]) for line in lines), default=0.0)
         level = max((abs(line["level_v"]) for line in lines), default=0.0)
         borrowed = ledger["borrowed_baselines"]
+        _, small, factor = shown_units(stored.units)
         say(
-            f"{self.output}: {number_of(ledger['scans'], 'scan')} in {self.unit}; baselines up to "
-            f"{1000 * level:.1f} mV and drifts up to {1000 * drift:.1f} mV/h taken away; "
+            f"{self.output}: {number_of(ledger['scans'], 'scan')} in {ledger['unit']}; baselines "
+            f"up to {factor * level:.1f} {small} and drifts up to {factor * drift:.1f} {small}/h "
+            "taken away; "
             f"raw: {self.source[0]}"
         )
         if borrowed:
             say(f"no rest seen on {', '.join(borrowed)}: the calibration's own baseline was taken")
 
     def _print(self, document: dict[str, Any]) -> None:
-        from taxel.calibration.report import NARROW, NOTES, findings, narrow_row
+        from taxel.calibration.report import findings, narrow_table, notes
 
         table = Table(title=f"{self.output}", title_justify="left", padding=(0, 1), box=None)
-        for number, name in enumerate(NARROW):
+        names, rows = narrow_table(document)
+        for number, name in enumerate(names):
             table.add_column(
                 name, justify="right" if number else "left", no_wrap=name in ("sensor", "range N")
             )
-        for channel in document["channels"]:
-            table.add_row(*narrow_row(channel))
+        for row in rows:
+            table.add_row(*row)
         console.print(table)
-        for line in [*findings(document), *NOTES]:
+        for line in [*findings(document), *notes(document)]:
             say(line)
         if self.html is not None:
             say(f"page:  {self.html}")

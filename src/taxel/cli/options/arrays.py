@@ -133,6 +133,7 @@ class RecipeOptions:
             members=members or recipe.members,
             train_stride=None if split == "random" else recipe.train_stride,
             train_steps=longer,
+            own_gate="gate" in changes,
         )
 
 

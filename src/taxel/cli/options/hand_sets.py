@@ -39,7 +39,9 @@ def comparison_config(
         resolved = recipe.resolve(model=model)
     else:
         resolved = recipe.resolve(default=usual_recipe(data), model=model, data=data)
-    config = ComparisonConfig(window=resolved.window, train=resolved.train)
+    config = ComparisonConfig(
+        window=resolved.window, train=resolved.train, own_gate=resolved.own_gate
+    )
     if data is not None or recipe.target is not None:
         config = replace(config, targets=(resolved.target,))
     if data is not None:

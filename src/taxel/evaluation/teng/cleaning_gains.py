@@ -92,7 +92,7 @@ def compare_cleaning(
         BadSplit: They cannot be split so.
     """
     for path, _ in runs:
-        dataset = load_windows(path, config.window, config.targets[0])
+        dataset = load_windows(path, config, config.targets[0])
     ways = list(ways_to_train(dataset, config))
     jobs = [(path, replace(config, train=replace(config.train, seed=seed)), target, way)
             for target in config.targets for way in ways for path, seed in runs]  # fmt: skip
@@ -155,9 +155,9 @@ class _WayRun:
 def _one_way(path: Path, config: ComparisonConfig, target: str, way: str) -> _WayRun:
     """Measure one way in one run; runs in a process of its own."""
     torch.set_num_threads(1)
-    plain = load_windows(path, config.window, target)
+    plain = load_windows(path, config, target)
     window, augment = ways_to_train(plain, config)[way]
-    dataset = plain if window == config.window else load_windows(path, window, target)
+    dataset = plain if window == config.window else load_windows(path, config, target, window)
     if not np.array_equal(dataset.windows.start_s, plain.windows.start_s):
         raise BadDataset(
             "the same windows however they are cleaned", "others", "report the recordings"

@@ -67,6 +67,8 @@ class ComparisonConfig:
     """Folds of the random split that are run: they hardly differ."""
     workers: int | None = None
     """Processes that work side by side."""
+    own_gate: bool = False
+    """Whether the window's gate is in the unit of the recordings' channels, not in volts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +112,7 @@ def compare_models(
         BadSplit: They cannot be split so.
     """
     for target in config.targets:
-        load_windows(path, config.window, target)  # refuse before hours of work
+        load_windows(path, config, target)  # refuse before hours of work
     places = [(t, kind) for t in config.targets for kind in ("random", "held out")]
     jobs = [(path, config, target, kind, model) for target, kind in places
             for model in config.models]  # fmt: skip
@@ -131,7 +133,7 @@ def _one_model(
 ) -> ModelResult:
     """Measure one model under one split; runs in a process of its own."""
     torch.set_num_threads(1)
-    dataset = load_windows(path, config.window, target)
+    dataset = load_windows(path, config, target)
     split = split_windows(dataset, config, target, kind)
     job = Job(model=model, target=target, train=config.train)
     started = perf_counter()
@@ -153,20 +155,28 @@ def trivial_company(
     path: Path, config: ComparisonConfig, target: str, kind: SplitKind
 ) -> TrivialResult:
     """Return what can be predicted without touch on the same windows and folds."""
-    dataset = load_windows(path, config.window, target)
+    dataset = load_windows(path, config, target)
     split = split_windows(dataset, config, target, kind)
     accuracies = trivial_accuracies(dataset, target, split.folds)
     return TrivialResult(target, split.name, len(dataset), accuracies)
 
 
-def load_windows(path: Path, window: WindowConfig, target: str) -> Dataset:
+def load_windows(
+    path: Path, config: ComparisonConfig, target: str, window: WindowConfig | None = None
+) -> Dataset:
     """Return the data set of one target.
+
+    Args:
+        path: The recordings.
+        config: What is compared.
+        target: The label.
+        window: Another window than the comparison's, with the same gate.
 
     Raises:
         BadDataset: The recordings do not make such a data set, or the gate is in another unit.
     """
-    dataset = load_dataset(path, window, target=target)
-    check_gate(dataset)
+    dataset = load_dataset(path, window or config.window, target=target)
+    check_gate(dataset, own=config.own_gate)
     return dataset
 
 

@@ -117,7 +117,7 @@ class UnknownObjects:
 
         recipe = self.recipe.resolve(default=usual_recipe(data), model=self.model, data=data)
         dataset = load_dataset(data, recipe.window, target=recipe.target)
-        check_gate(dataset)
+        check_gate(dataset, own=recipe.own_gate)
         own = (recipe.split or "").removeprefix("group:")  # where these recordings have it
         if group is None and all(own in trial.groups for trial in dataset.trials):
             group = own
