@@ -14,8 +14,9 @@ VIDEOS = "left,right,label:y"
     ("files", "mend"),
     [
         ({}, "taxel simulate"),
-        ({"trials.csv": VIDEOS, "other.csv": VIDEOS}, "trials.csv: taxel train-trials"),
-        ({"mine.csv": VIDEOS, "other.csv": "file,label:y"}, "mine.csv: taxel train-trials"),
+        ({"trials.csv": VIDEOS, "other.csv": VIDEOS}, "trials.csv, where .*taxel train-trials"),
+        ({"mine.csv": VIDEOS, "other.csv": "file,label:y"}, "mine.csv, where .*taxel train-trials"),
+        ({"mine.tsv": VIDEOS.replace(",", "\t")}, "mine.tsv, where .*taxel train-trials"),
         ({"mine.csv": VIDEOS}, "import .*mine.csv --output RECORDINGS, then taxel train-monitor"),
         ({"one.csv": VIDEOS, "two.csv": VIDEOS}, "taxel simulate"),
         ({"table.csv": "file,label:y"}, "taxel import .*table.csv --output RECORDINGS"),

@@ -266,13 +266,13 @@ def list_recordings(path: Path | str) -> list[Path]:
 
 def _instead(folder: Path) -> str:
     """Return what to do with a folder without recordings."""
-    tables = sorted(folder.glob("*.csv"))
+    tables = sorted([*folder.glob("*.csv"), *folder.glob("*.tsv")])
     of_videos = [path for path in tables if _of_videos(path)]
     if table := _the_table(of_videos):
         return (
-            f"name its table, {table}: taxel train-trials predicts a label of each video; for "
-            f"grasps that are watched over time: taxel import {table} --output RECORDINGS, then "
-            "taxel train-monitor RECORDINGS"
+            f"name its table, {table}, where each video has a label (taxel train-trials, "
+            "evaluate-trials and live take it); for grasps that are watched over time, run: taxel "
+            f"import {table} --output RECORDINGS, then taxel train-monitor RECORDINGS"
         )
     if not of_videos and (table := _the_table(tables)):
         return f"if {table} describes its files: taxel import {table} --output RECORDINGS"
