@@ -222,6 +222,13 @@ def test_the_rate_of_frames_leaves_outages_out(few_pours: Path) -> None:
     assert rate_of(replace(pour, time_s=later)) == pytest.approx(rate_of(pour), rel=1e-3)
 
 
+def test_a_recording_shorter_than_a_window_has_no_probability_and_stops_no_training() -> None:
+    long, short = tracks(2, 0)
+    short = replace(short, row=short.row[:20], labels=short.labels[:20])
+    head = fit_head([short, long], HeadConfig(frames=30, epochs=1))
+    assert head.judged(FrameFeatures(short.values, short.row)).shape == (0,)
+
+
 def test_recordings_too_short_for_a_window_are_refused_with_a_plain_line() -> None:
     with pytest.raises(BadDataset, match=r"needed recordings with 121 moments in a row.* fewer"):
         fit_head(tracks(2, 0), HeadConfig(frames=121))

@@ -101,7 +101,8 @@ class GraspMonitor:
         contract = self.bundle.contract
         self._monitor = StabilityMonitor(self._config)
         gap_s = largest_gap_s(min(camera.rate_hz for camera in self._cameras))
-        self._ring = FeatureRing(contract.frames, *self.bundle.offset.shape, gap_s)
+        sensors, features = self.bundle.offset.shape
+        self._ring = FeatureRing(contract.frames, sensors, features, gap_s)
         self._watch: SlipWatch | None = None
         if contract.features in SLIP_COLUMNS:
             columns = SLIP_COLUMNS[contract.features]

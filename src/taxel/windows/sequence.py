@@ -18,7 +18,7 @@ from taxel.errors import BadInput
 
 LARGEST_GAP_S = 0.2
 """Frames further apart never share a window, seconds: as long as the state of a grasp outlasts its
-newest input (`StabilityConfig.largest_age_s`). Source: our choice."""
+newest input (`StabilityConfig.largest_age_s`). Source: our choice, docs/decisions/0012."""
 LARGEST_GAP_PERIODS = 3.0
 """Or so many periods of slower cameras, so that two images lost in a row leave no window out.
 Source: as above."""
