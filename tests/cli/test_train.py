@@ -51,6 +51,15 @@ def test_a_network_behind_a_baseline_is_warned_of_and_what_is_unknown_is_reporte
     assert "run, replaced: " in capsys.readouterr().out
 
 
+def test_trials_without_a_window_are_noted_without_a_check_too(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    words = [str(data), "--output", str(tmp_path / "run"), "--epochs", "1", "--no-check"]
+    capsys.readouterr()
+    tyro.cli(Train, args=[*words, "--window", "steps=120", "stride=120", "--model", "cnn1d"]).run()
+    assert " without a window: too short" in capsys.readouterr().out
+
+
 def test_an_older_bundle_is_replaced_and_anything_else_is_left(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

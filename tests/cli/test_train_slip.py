@@ -33,6 +33,21 @@ def test_what_cannot_be_meant_is_refused_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["trials.csv", "one/left.AVI", "a.mcap"])
+def test_a_folder_of_recordings_is_not_filled_with_simulated_poses(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "data" / name
+    file.parent.mkdir(parents=True)
+    file.touch()
+    with pytest.raises(SystemExit) as ended:
+        main(["train-slip", str(tmp_path / "data"), "--output", str(tmp_path / "slip.taxel")])
+
+    assert ended.value.code == 2
+    assert f"which holds {file.name}; name a new one" in capsys.readouterr().err
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [file]
+
+
 @pytest.mark.slow
 def test_both_gels_are_learned_from_and_the_rate_is_kept_on_each(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

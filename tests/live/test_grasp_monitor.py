@@ -117,6 +117,23 @@ def test_live_equals_offline(few_pours: Path, tmp_path: Path, features: str) -> 
         np.testing.assert_allclose(live[known], offline[-known.sum() :], atol=1e-5)
 
 
+def test_live_equals_offline_over_an_outage(edge) -> None:
+    """No window joins frames from before and after it: UNKNOWN until enough new ones have come."""
+    bundle, found, head, pours = edge
+    pour, own = pours[0], found[0]
+    kept = np.r_[0:60, 75 : len(pour)]  # a quarter of a second is missing
+    sets = [frame_set for n, frame_set in enumerate(frame_sets(pour.path, 2)) if n in set(kept)]
+    monitor = GraspMonitor(bundle, pour.cameras)
+    answers = [monitor.push(frame_set) for frame_set in sets]
+    live = np.array([answer.probability for answer in answers])
+    offline = head.judged(replace(own, row=own.row[kept], time_s=own.time_s[kept]))
+
+    assert np.flatnonzero(np.isnan(live[30:])).tolist() == [30, 31, 32]
+    np.testing.assert_allclose(live[30:], offline[30 - 3 :], atol=1e-5)
+    assert {answer.decision.state for answer in answers[60:63]} == {Stability.UNKNOWN}
+    assert np.isfinite(head.judged(own)).all()
+
+
 def test_nothing_is_reported_before_the_grasp_has_settled(edge) -> None:
     bundle, _, _, pours = edge
     monitor = GraspMonitor(bundle, pours[0].cameras)

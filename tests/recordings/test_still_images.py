@@ -8,7 +8,7 @@ import pytest
 
 from taxel.errors import BadSource, BadTable
 from taxel.raster_head import raster_size
-from taxel.recordings.imports.footage import open_footage
+from taxel.recordings.imports.footage import coloured, open_footage
 from taxel.recordings.imports.video_rows import names_apart, read_video_rows
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (30, 44, 3), np.uint8)
@@ -144,3 +144,10 @@ def test_a_pattern_in_a_table_of_videos_is_refused_by_its_reason(tmp_path: Path)
     """In tables of arrays such a cell stands for many files, so people write it here too."""
     with pytest.raises(BadTable, match="write a row for each trial"):
         open_footage(tmp_path / "{label:object}_*.png")
+
+
+def test_nearly_black_images_are_not_called_grey(tmp_path: Path) -> None:
+    """Twelve bits in a file of sixteen leave no colour above the limit for grey."""
+    cv2.imwrite(str(tmp_path / "a.png"), (IMAGE // 4).astype(np.uint16) * 16)
+    with pytest.raises(BadTable, match=r"nearly black ones .*; if the file holds 10 or 12 bits"):
+        list(coloured(open_footage(tmp_path / "a.png")))

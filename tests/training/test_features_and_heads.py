@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from taxel.errors import BadDataset
 from taxel.frame_codec import decode_jpeg
-from taxel.training.frames.features import Progress, extract, load_kept, save_kept
+from taxel.training.frames.features import FrameFeatures, Progress, extract, load_kept, save_kept
 from taxel.training.frames.heads import PAPER, HeadConfig, Track, fit_head
-from taxel.training.frames.labels import change_signals, frame_labels
+from taxel.training.frames.labels import change_signals, frame_labels, rate_of
 from taxel.windows.camera_recordings import frame_sets, read_camera_recordings
 from taxel.windows.rest import SETTLE
 
@@ -187,6 +188,50 @@ def test_features_may_lie_on_disk(tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         fit_head(own, config).probabilities(values), fit_head(mapped, config).probabilities(values)
     )
+
+
+def test_no_window_joins_frames_from_before_and_after_an_outage() -> None:
+    """A head learns and is scored as if both sides were recordings of their own."""
+    rng = np.random.default_rng(0)
+    values = rng.normal(size=(80, 3)).astype(np.float32)
+    row = np.stack([np.arange(80)] * 2, axis=1)
+    labels = (np.arange(80) % 40 >= 25).astype(np.int8)
+    time_s = np.arange(80) / 25 + np.where(np.arange(80) >= 40, 3.0, 0.0)
+    config = HeadConfig(epochs=1, frames=4, tare="none", stride=1)
+    head = fit_head([Track(values, row, labels, time_s, 0.2)], config)
+    apart = [Track(values, row[part], labels[part]) for part in (slice(40), slice(40, None))]
+    other = fit_head(apart, config)
+    judged = head.judged(FrameFeatures(values, row, time_s, 0.2))
+
+    assert np.flatnonzero(np.isnan(judged)).tolist() == [37, 38, 39]
+    each = np.concatenate([other.probabilities(track.features()) for track in apart])
+    np.testing.assert_allclose(judged[~np.isnan(judged)], each, rtol=1e-5)
+
+
+def test_simulated_recordings_give_every_window(few_pours: Path) -> None:
+    """A recording without an outage gives the same windows as if its times were not known."""
+    for pour in read_camera_recordings(few_pours):
+        assert pour.gap_s == 0.2
+        assert pour.whole(8).all()
+
+
+def test_the_rate_of_frames_leaves_outages_out(few_pours: Path) -> None:
+    pour = read_camera_recordings(few_pours)[0]
+    assert rate_of(pour) == (len(pour) - 1) / (pour.time_s[-1] - pour.time_s[0])
+    later = pour.time_s + np.where(np.arange(len(pour)) >= 40, 3.0, 0.0)
+    assert rate_of(replace(pour, time_s=later)) == pytest.approx(rate_of(pour), rel=1e-3)
+
+
+def test_a_recording_shorter_than_a_window_has_no_probability_and_stops_no_training() -> None:
+    long, short = tracks(2, 0)
+    short = replace(short, row=short.row[:20], labels=short.labels[:20])
+    head = fit_head([short, long], HeadConfig(frames=30, epochs=1))
+    assert head.judged(FrameFeatures(short.values, short.row)).shape == (0,)
+
+
+def test_recordings_too_short_for_a_window_are_refused_with_a_plain_line() -> None:
+    with pytest.raises(BadDataset, match=r"needed recordings with 121 moments in a row.* fewer"):
+        fit_head(tracks(2, 0), HeadConfig(frames=121))
 
 
 def test_the_papers_settings_leave_features_as_they_are() -> None:

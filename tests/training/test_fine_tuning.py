@@ -146,6 +146,21 @@ def test_half_of_all_stretches_hold_a_change_of_label(few_pours: Path) -> None:
     assert len({place for epoch in range(8) for place in lanes.places(0, epoch)}) > len(both) // 2
 
 
+def test_no_stretch_spans_an_outage(few_pours: Path) -> None:
+    pours, labels = marked(few_pours)
+    lost = len(pours[0]) // 2
+    broken = [
+        replace(own, time_s=own.time_s + np.where(np.arange(len(own)) >= lost, 3.0, 0.0))
+        for own in pours
+    ]
+    starts = {
+        start for epoch in range(8) for _, start in Lanes(broken, labels, K, 1).places(0, epoch)
+    }
+    length = K + WINDOWS - 1
+    assert all(start + length <= lost or start >= lost for start in starts)
+    assert min(starts) < lost <= max(starts)
+
+
 def test_a_variant_changes_all_images_of_a_stretch_alike(few_pours: Path) -> None:
     pours, labels = marked(few_pours)
     lanes = Lanes(pours, labels, K, 1)

@@ -71,6 +71,18 @@ def test_images_in_a_folder_of_each_class_belong_in_a_table(tmp_path: Path, plac
     refuse_footage(tmp_path)  # whoever reads the folder names its table
 
 
+def test_videos_beside_their_table_are_not_asked_for_another(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.png")
+    (tmp_path / "other.csv").write_text("file,label:slip\n")
+    with pytest.raises(BadTable, match="images or videos alone"):
+        refuse_footage(tmp_path)
+    (tmp_path / "mine.csv").write_text("left,label:slip\n")
+    refuse_footage(tmp_path)  # whoever reads the folder names its table
+    (tmp_path / "newer.csv").write_text("left,label:slip\n")
+    with pytest.raises(BadTable, match=r"one table of camera trials.* mine.csv, newer.csv; name"):
+        refuse_footage(tmp_path)
+
+
 def test_an_image_beside_a_recording_is_no_footage(tmp_path: Path) -> None:
     write_image(tmp_path / "a.png")
     (tmp_path / "b.mcap").write_bytes(b"")

@@ -28,7 +28,7 @@ from taxel.side_by_side import SideBySide
 from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet
 from taxel.windows.rest import compared, seen, settled
-from taxel.windows.sequence import FeatureRing
+from taxel.windows.sequence import FeatureRing, largest_gap_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,9 @@ class GraspMonitor:
     def _forget(self) -> None:
         contract = self.bundle.contract
         self._monitor = StabilityMonitor(self._config)
-        self._ring = FeatureRing(contract.frames, *self.bundle.offset.shape)
+        gap_s = largest_gap_s(min(camera.rate_hz for camera in self._cameras))
+        sensors, features = self.bundle.offset.shape
+        self._ring = FeatureRing(contract.frames, sensors, features, gap_s)
         self._watch: SlipWatch | None = None
         if contract.features in SLIP_COLUMNS:
             columns = SLIP_COLUMNS[contract.features]
@@ -110,8 +112,8 @@ class GraspMonitor:
         self._fresh: set[int] = set()
         self._over = False
         self._slips: list[SlipFeatures] | None = None
-        self._early: list[tuple[NDArray[np.uint8], ...]] = []
-        self._early_rows: list[NDArray[np.float32]] = []
+        self._early: list[tuple[tuple[NDArray[np.uint8], ...], float]] = []
+        self._early_rows: list[tuple[NDArray[np.float32], float]] = []
         self._rows = np.zeros_like(self.bundle.offset)
         self._rest: NDArray[np.float32] | None = None
 
@@ -300,13 +302,13 @@ class GraspMonitor:
                     self._rows = np.zeros((len(images), *rows.shape[1:]), np.float32)
                 self._rows = self._rows.copy()
                 self._rows[list(fresh)] = rows
-            return self._next(self._rows)
+            return self._next(self._rows, found.time_s)
         if self._slips is None:
-            self._early.append(images)
+            self._early.append((images, found.time_s))
             if len(self._early) < self._settle.stop:
                 return None
             return self._begin()
-        return self._next(self._gel_rows(images, fresh))
+        return self._next(self._gel_rows(images, fresh), found.time_s)
 
     def _slip_window(
         self, watch: SlipWatch, images: tuple[NDArray[np.uint8], ...], found: FrameSet
@@ -323,18 +325,18 @@ class GraspMonitor:
         """Set up the gels' references, then go through the frames that were waiting."""
         self._slips = []
         for camera in range(self.bundle.contract.cameras):
-            part = [images[camera] for images in self._early[self._settle]]
+            part = [images[camera] for images, _ in self._early[self._settle]]
             different = [
                 image for i, image in enumerate(part) if i == 0 or image is not part[i - 1]
             ]
             self._slips.append(SlipFeatures(different))
         window = None
         before: tuple[NDArray[np.uint8], ...] | None = None
-        for images in self._early:
+        for images, time_s in self._early:
             fresh = [
                 c for c, image in enumerate(images) if before is None or image is not before[c]
             ]
-            window = self._next(self._gel_rows(images, fresh))
+            window = self._next(self._gel_rows(images, fresh), time_s)
             before = images
         self._early = []
         return window
@@ -348,17 +350,17 @@ class GraspMonitor:
             self._rows[camera] = self._slips[camera].push(images[camera])
         return self._rows
 
-    def _next(self, rows: NDArray[np.float32]) -> NDArray[np.float32] | None:
+    def _next(self, rows: NDArray[np.float32], time_s: float) -> NDArray[np.float32] | None:
         """Take in a moment's features; return the scaled window that ends with it."""
         if self._rest is not None:
-            return self._ring.push(self._scaled(rows, self._rest))
-        self._early_rows.append(rows)
+            return self._ring.push(self._scaled(rows, self._rest), time_s)
+        self._early_rows.append((rows, time_s))
         if len(self._early_rows) < self._settle.stop:
             return None
-        self._rest = settled(np.stack(self._early_rows[self._settle]))
+        self._rest = settled(np.stack([row for row, _ in self._early_rows[self._settle]]))
         window = None
-        for row in self._early_rows:
-            window = self._ring.push(self._scaled(row, self._rest))
+        for row, taken_s in self._early_rows:
+            window = self._ring.push(self._scaled(row, self._rest), taken_s)
         self._early_rows = []
         return window
 

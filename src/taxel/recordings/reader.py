@@ -266,12 +266,34 @@ def list_recordings(path: Path | str) -> list[Path]:
 
 def _instead(folder: Path) -> str:
     """Return what to do with a folder without recordings."""
-    tables = sorted(path.name for path in folder.glob("*.csv"))
-    table = "trials.csv" if "trials.csv" in tables else tables[0] if len(tables) == 1 else ""
-    if table:
-        own = folder / table
-        return f"taxel import {own}; videos can be trained on as they are: taxel train {own}"
+    tables = sorted([*folder.glob("*.csv"), *folder.glob("*.tsv")])
+    of_videos = [path for path in tables if _of_videos(path)]
+    if table := _the_table(of_videos):
+        return (
+            f"name its table, {table}, where each video has a label (taxel train-trials, "
+            "evaluate-trials and live take it); for grasps that are watched over time, run: taxel "
+            f"import {table} --output RECORDINGS, then taxel train-monitor RECORDINGS"
+        )
+    if not of_videos and (table := _the_table(tables)):
+        return f"if {table} describes its files: taxel import {table} --output RECORDINGS"
     return "make some with: taxel simulate, taxel record or taxel import"
+
+
+def _the_table(tables: Sequence[Path]) -> Path | None:
+    """Return the table that is meant: trials.csv, or the only one; None where that is open."""
+    usual = [path for path in tables if path.name == "trials.csv"]
+    return next(iter(usual if len(tables) > 1 else tables), None)
+
+
+def _of_videos(table: Path) -> bool:
+    """Return whether a table's first line names cameras; False where it cannot be read."""
+    from taxel.recordings.imports.header import table_cells
+    from taxel.recordings.imports.video_rows import names_videos
+
+    try:
+        return names_videos(table_cells(table)[0])
+    except (OSError, ValueError):
+        return False
 
 
 Item = Manifest | dict[str, Any] | ChunkContent

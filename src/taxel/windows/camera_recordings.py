@@ -20,6 +20,7 @@ from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.reader import iterate_tactile, list_recordings, read_recording
 from taxel.signals import CameraInfo, SensorInfo
 from taxel.windows.pairs import FrameSet, join_frames, within
+from taxel.windows.sequence import largest_gap_s, whole_windows
 
 LEAST_FRAMES = 12
 """A recording with fewer sets is refused: the longest window of the paper is 11."""
@@ -68,6 +69,15 @@ class CameraRecording:
     def name(self) -> str:
         """The recording's file name without its ending."""
         return self.path.name.removesuffix(".mcap")
+
+    @property
+    def gap_s(self) -> float:
+        """Longest time between two frames of one window, seconds."""
+        return largest_gap_s(min(camera.rate_hz for camera in self.cameras))
+
+    def whole(self, k: int) -> NDArray[np.bool_]:
+        """Return whether each window of k frames spans no outage, shape (n - k + 1,)."""
+        return whole_windows(len(self), k, self.time_s, self.gap_s)
 
     @property
     def images(self) -> int:

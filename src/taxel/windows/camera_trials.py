@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadTable
 from taxel.frame_codec import encode_jpeg
+from taxel.plain_text import visible_names
 from taxel.recordings.imports.footage import IMAGES, VIDEOS, open_footage
 from taxel.recordings.imports.known import KNOWN_VIDEOS
 from taxel.recordings.imports.value_tables.table_columns import read_cells
@@ -218,7 +219,15 @@ def refuse_footage(path: Path, *, imported: bool = False) -> None:
     inside = list(path.iterdir()) if path.is_dir() else [path]
     if any(file.name.lower().endswith((".mcap", ".mcap.tmp")) for file in inside):
         return
-    tabled = any(file.suffix.lower() in TABLES for file in inside)  # the reader names the table
+    tabled = [file for file in inside if file.suffix.lower() in TABLES]
+    own = [file.name for file in tabled if are_camera_trials(file)] if path.is_dir() else []
+    if len(own) == 1 or "trials.csv" in own:
+        return  # the reader names the table
+    if own:
+        raise BadTable(
+            "one table of camera trials", f"{path}, which holds {visible_names(sorted(own))}",
+            "name one of them instead of the folder",
+        )  # fmt: skip
     deeper = () if tabled else chain(path.glob("*/*"), path.glob("*/*/*"))
     footage = (f for f in chain(inside, deeper) if f.suffix.lower() in (*IMAGES, *VIDEOS))
     found = next(footage, None)

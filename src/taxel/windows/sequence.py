@@ -1,8 +1,8 @@
 """Sliding windows of k frames over per-frame values: for whole videos and for live streams.
 
 A window's label is the largest among its frames. Where times are given no window spans a gap in
-time. Grasp monitors give none, in training as live: their first windows after an outage hold frames
-from before it. A ring is reset between recordings. Knows nothing about files, images, splits or
+time: grasp monitors give them, in training as live, so that no window joins frames from before and
+after an outage. A ring is reset between recordings. Knows nothing about files, images, splits or
 models.
 
 Source: Zhao et al., Sensors 2024, 24, 5080, section 4.1.
@@ -15,6 +15,24 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from taxel.errors import BadInput
+
+LARGEST_GAP_S = 0.2
+"""Frames further apart never share a window, seconds: as long as the state of a grasp outlasts its
+newest input (`StabilityConfig.largest_age_s`). Source: our choice, docs/decisions/0012."""
+LARGEST_GAP_PERIODS = 3.0
+"""Or so many periods of slower cameras, so that two images lost in a row leave no window out.
+Source: as above."""
+_ROUNDED_S = 1e-6
+"""By which a time between frames may exceed the largest gap, seconds: recordings round both."""
+
+
+def largest_gap_s(rate_hz: float) -> float:
+    """Return how far apart two successive frames of one window may lie, seconds.
+
+    Args:
+        rate_hz: Frames a second that the cameras state; 0 where they state none.
+    """
+    return max(LARGEST_GAP_S, LARGEST_GAP_PERIODS / rate_hz if rate_hz > 0 else 0.0)
 
 
 def window_starts(
@@ -46,6 +64,22 @@ def window_starts(
         return starts
     broken = np.concatenate([[0], np.cumsum(_broken(np.diff(time_s), largest_gap_s))])
     return np.asarray(starts[broken[starts + k - 1] == broken[starts]])
+
+
+def whole_windows(
+    n: int, k: int, time_s: NDArray[np.float64] | None, largest_gap_s: float
+) -> NDArray[np.bool_]:
+    """Return whether each window of one recording lies between two gaps, shape (n - k + 1,).
+
+    Args:
+        n: Frames of the recording.
+        k: Frames a window.
+        time_s: As for `window_starts`.
+        largest_gap_s: As for `window_starts`.
+    """
+    whole = np.zeros(max(n - k + 1, 0), bool)
+    whole[window_starts(n, k, 1, time_s, largest_gap_s)] = True
+    return whole
 
 
 def label_windows(labels: NDArray[np.int8], k: int) -> NDArray[np.int8]:
@@ -145,4 +179,4 @@ class FeatureRing:
 
 def _broken(step_s: NDArray[np.float64] | float, largest_gap_s: float) -> NDArray[np.bool_]:
     """Return where frames do not follow each other: a gap, a step back, or a time of NaN."""
-    return ~((np.asarray(step_s) >= 0) & (np.asarray(step_s) <= largest_gap_s))
+    return ~((np.asarray(step_s) >= 0) & (np.asarray(step_s) <= largest_gap_s + _ROUNDED_S))

@@ -1,5 +1,6 @@
 """Claims about the paper's tables: every row is there, and no cup stands on both sides."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -78,3 +79,16 @@ def test_a_model_with_weights_of_its_own_in_the_folder_uses_these_and_no_other_d
         assert verb._weights_of("resnet50+transformer").weights == own
         assert verb._weights_of("resnet50") == verb.weights
     assert named._weights_of("resnet50+transformer").threads == 2
+
+
+def test_windows_over_an_outage_are_no_part_of_the_scores() -> None:
+    """Live gives no answer there, so that they are neither right nor wrong."""
+    whole = judged(95, 100)
+    (found,), (labels,) = whole.probabilities, whole.labels
+    more = np.concatenate([found, np.full(7, np.nan, np.float32)])
+    longer = replace(
+        whole, probabilities=(more,), labels=(np.concatenate([labels, np.ones(7, np.int8)]),)
+    )
+
+    assert score_windows([longer]) == score_windows([whole])
+    assert score_windows([longer, whole]) == score_windows([whole, whole])

@@ -12,7 +12,7 @@ from taxel.cli.options.arrays import check_run_folder
 from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import command, print_json, progress, say, say_aside
 from taxel.errors import BadInput, TaxelError, not_written
-from taxel.plain_text import number_of, visible_names
+from taxel.plain_text import number_of, visible_line, visible_names
 
 if TYPE_CHECKING:
     from taxel.decisions.unknown import Unknown
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from taxel.evaluation.table_split import GivenSplit
     from taxel.training.recipes import Recipe
     from taxel.training.run import Run
+    from taxel.windows.dataset import Dataset
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +65,8 @@ def train_recipe(training: RecipeTraining) -> None:
 
         checked = None if training.folds is None else _cross_validate(training, on_step)
         try:
-            run = _with_scores(_train_on_all(training, on_step), checked)
+            run, notes = _train_on_all(training, on_step)
+            run = _with_scores(run, checked)
             save_run(output, run)
             forget_folds(output)
         except TaxelError:
@@ -72,8 +74,10 @@ def train_recipe(training: RecipeTraining) -> None:
         except OSError as error:
             raise not_written(output, error, "choose another place with --output") from error
     if training.json:
-        print_json(_as_json(training, run, checked, replaced=replaced))
+        print_json(_as_json(training, run, checked, notes) | {"replaced": replaced})
     else:
+        for note in notes if checked is None else ():  # else they stand below the table
+            say(f"note: {visible_line(note)}")
         _print(training, run, checked, replaced=replaced)
 
 
@@ -94,12 +98,23 @@ def _cross_validate(training: RecipeTraining, on_step: Callable[[str], None]) ->
     )
 
 
-def _train_on_all(training: RecipeTraining, on_step: Callable[[str], None]) -> Run:
-    """Return the recipe trained on all data, going on from checkpoints where they still fit."""
+def _train_on_all(
+    training: RecipeTraining, on_step: Callable[[str], None]
+) -> tuple[Run, tuple[str, ...]]:
+    """Return the recipe trained on all data, and notes on the data.
+
+    It goes on from checkpoints where they still fit.
+    """
     from taxel.evaluation.table_split import training_part
     from taxel.training.final import train_on_all
 
     checkpoints = training.output.with_name(training.output.name + ".checkpoints")
+    notes: tuple[str, ...] = ()
+
+    def part(dataset: Dataset) -> Dataset:
+        nonlocal notes
+        notes = dataset.notes
+        return training_part(training.data, dataset, training.recipe.target, training.given)
 
     def train(resume: bool) -> Run:
         return train_on_all(
@@ -108,20 +123,18 @@ def _train_on_all(training: RecipeTraining, on_step: Callable[[str], None]) -> R
             checkpoints=checkpoints,
             resume=resume,
             unknown=training.reject_novel,
-            part=lambda dataset: training_part(
-                training.data, dataset, training.recipe.target, training.given
-            ),
+            part=part,
             on_epoch=lambda epoch: on_step(
                 f"all data · epoch {epoch.number} · loss {epoch.loss:.4f}"
             ),
         )
 
     try:
-        return train(resume=not training.fresh and checkpoints.exists())
+        return train(resume=not training.fresh and checkpoints.exists()), notes
     except BadInput:
         if not checkpoints.exists():
             raise
-        return train(resume=False)  # checkpoints of another recipe, other data or software
+        return train(resume=False), notes  # checkpoints of another recipe, other data or software
 
 
 def _with_scores(run: Run, checked: Checked | None) -> Run:
@@ -143,12 +156,11 @@ def _accuracy(checked: Checked | None) -> dict[str, float]:
 
 
 def _as_json(
-    training: RecipeTraining, run: Run, checked: Checked | None, *, replaced: bool
+    training: RecipeTraining, run: Run, checked: Checked | None, notes: tuple[str, ...]
 ) -> dict[str, Any]:
     """Return what --json prints."""
     return {
         "run": str(training.output),
-        "replaced": replaced,
         "target": training.recipe.target,
         "classes": run.contract.classes,
         "parameters": run.contract.parameters,
@@ -156,7 +168,7 @@ def _as_json(
         "loss": run.history[-1].loss,
         "result": asdict(checked.pooled) if checked is not None else None,
         "trivial": dict(run.trivial),
-        "notes": checked.dataset.notes if checked is not None else None,
+        "notes": notes,
         "folds_kept": checked.kept if checked is not None else 0,
         "warning": warning(checked) if checked is not None else None,
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -140,6 +141,22 @@ class TrainSlip:
                            str(self.cups), "leave it out to take the usual number")  # fmt: skip
         if self.poses.exists() and not self.poses.is_dir():
             raise BadInput("a folder to keep simulated poses in", str(self.poses), "name another")
+        if recorded := _recorded_in(self.poses):
+            raise BadInput(
+                "a folder of its own for simulated poses, which alone are learned from",
+                f"{self.poses}, which holds {recorded.name}",
+                "name a new one; recordings are learned from with: taxel train-monitor; "
+                "labelled videos with: taxel train-trials",
+            )  # fmt: skip
+
+
+def _recorded_in(folder: Path) -> Path | None:
+    """Return a recording, table, video or image that a folder holds; None where there is none."""
+    from taxel.recordings.imports.footage import IMAGES, VIDEOS
+
+    endings = (".mcap", ".csv", *VIDEOS, *IMAGES)
+    inside = chain(folder.glob("*"), folder.glob("*/*"))
+    return next((path for path in sorted(inside) if path.suffix.lower() in endings), None)
 
 
 def _by_gel(tracks: Sequence[WarningTrack], threshold: float) -> dict[str, WarningScores]:

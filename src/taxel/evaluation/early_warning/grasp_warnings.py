@@ -120,7 +120,8 @@ def warn_trivially(
 
         def rank(index: int, known: NDArray[np.float64] = known) -> NDArray[np.float32]:
             place = np.searchsorted(known, column(index)[frames - 1 :]) / len(known)
-            return np.asarray(np.clip(place, 0.001, 0.999), np.float32)
+            judged = np.where(data.pours[index].whole(frames), place.clip(0.001, 0.999), np.nan)
+            return judged.astype(np.float32)
 
         tracks = [_track(data, i, rank(i), frames) for i in fold.train_rows]
         tuned.append(tune(tracks, base=_base()))

@@ -123,7 +123,9 @@ def write_monitor(
     from taxel.models.export_onnx import export_head
 
     contract = _contract(learnt, data, name, backbone)
-    windows, expected = _check(features[0], learnt.head)
+    longest = max(features, key=lambda own: len(own.row))
+    windows, expected = _check(longest if len(features[0].row) < contract.frames else features[0],
+                               learnt.head)  # fmt: skip
     head = export_head(learnt.head.module, contract.frames, windows.shape[3])
     model = backbone.model if backbone else None
     return contract, write_grasp_bundle(path, contract, head, model, windows, expected)

@@ -129,9 +129,14 @@ class Judged:
 
     fold: TrialFold
     probabilities: tuple[NDArray[np.float32], ...]
-    """One a test pour, at each window's end, shape (n − k + 1,)."""
+    """One a test pour, at each window's end, shape (n − k + 1,); NaN where it spans an outage."""
     labels: tuple[NDArray[np.int8], ...]
     """The same windows' labels."""
+
+    def scored(self) -> list[tuple[NDArray[np.float32], NDArray[np.int8]]]:
+        """Return probabilities and labels of each test pour's windows that span no outage."""
+        pairs = zip(self.probabilities, self.labels, strict=True)
+        return [(p[~np.isnan(p)], y[~np.isnan(p)]) for p, y in pairs]
 
 
 def judge_fold(
@@ -154,7 +159,7 @@ def judge_fold(
     """
     watched = tracks_of(features, labels, fold.test_rows) if watch else ()
     trained = fit_head(tracks_of(features, labels, fold.train_rows), config, watched=watched)
-    probabilities = tuple(trained.probabilities(features[i].all()) for i in fold.test_rows)
+    probabilities = tuple(trained.judged(features[i]) for i in fold.test_rows)
     windows = tuple(label_windows(labels[i], config.frames) for i in fold.test_rows)
     return Judged(fold, probabilities, windows), trained
 

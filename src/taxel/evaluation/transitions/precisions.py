@@ -88,7 +88,12 @@ def compare_precisions(
     """
     training = [pours.pours[i] for i in fold.train_rows]
     testing = [pours.pours[i] for i in fold.test_rows]
-    labels = np.concatenate([label_windows(pours.labels[i], head.frames) for i in fold.test_rows])
+    labels = np.concatenate(
+        [
+            label_windows(pours.labels[i], head.frames)[pours.pours[i].whole(head.frames)]
+            for i in fold.test_rows
+        ]
+    )
     trained: TrainedHead | None = None
     reference: NDArray[np.float32] | None = None
     rows: list[PrecisionRow] = []
@@ -123,4 +128,5 @@ def compare_precisions(
 
 
 def _probabilities(head: TrainedHead, features: Sequence[FrameFeatures]) -> NDArray[np.float32]:
-    return np.concatenate([head.probabilities(feature.all()) for feature in features])
+    judged = np.concatenate([head.judged(feature) for feature in features])
+    return np.asarray(judged[~np.isnan(judged)], np.float32)

@@ -272,22 +272,31 @@ def _judge_trivial(
     data: CameraSet, values: list[NDArray[np.float64]] | None, fold: TrialFold
 ) -> Judged:
     """Judge one number a window by a small tree; without numbers, by the commonest class."""
-    labels = {i: label_windows(data.labels[i], FRAMES) for i in (*fold.train_rows, *fold.test_rows)}
+    rows = (*fold.train_rows, *fold.test_rows)
+    labels = {i: label_windows(data.labels[i], FRAMES) for i in rows}
+    whole = {i: data.pours[i].whole(FRAMES) for i in rows}
     tested = tuple(labels[i] for i in fold.test_rows)
-    wanted = np.concatenate([labels[i] for i in fold.train_rows])
+    wanted = np.concatenate([labels[i][whole[i]] for i in fold.train_rows])
     if values is None or len(np.unique(wanted)) == 1:
         share = float(wanted.mean())
-        return Judged(fold, tuple(np.full(len(own), share, np.float32) for own in tested), tested)
-    seen = np.concatenate([values[i] for i in fold.train_rows])[:, None]
-    tree = DecisionTreeClassifier(max_depth=3, min_samples_leaf=50).fit(seen, wanted)
-    found = (tree.predict_proba(values[i][:, None])[:, 1] for i in fold.test_rows)
-    return Judged(fold, tuple(own.astype(np.float32) for own in found), tested)
+        found = [np.full(len(own), share, np.float32) for own in tested]
+    else:
+        seen = np.concatenate([values[i][whole[i]] for i in fold.train_rows])[:, None]
+        tree = DecisionTreeClassifier(max_depth=3, min_samples_leaf=50).fit(seen, wanted)
+        each = [tree.predict_proba(values[i][:, None])[:, 1] for i in fold.test_rows]
+        found = [own.astype(np.float32) for own in each]
+    judged = (
+        np.where(whole[i], p, np.float32(np.nan))
+        for i, p in zip(fold.test_rows, found, strict=True)
+    )
+    return Judged(fold, tuple(judged), tested)
 
 
 def score_windows(judged: Sequence[Judged]) -> WindowScores:
     """Return the scores of all test windows; the interval is over folds where there are several."""
-    labels = np.concatenate([label for fold in judged for label in fold.labels])
-    found = np.concatenate([probability for fold in judged for probability in fold.probabilities])
+    pairs = [pair for fold in judged for pair in fold.scored()]
+    labels = np.concatenate([label for _, label in pairs])
+    found = np.concatenate([probability for probability, _ in pairs])
     right = (found > 0.5) == labels
     if len(judged) == 1:
         band = binomtest(int(right.sum()), len(right)).proportion_ci(0.95, "wilson")
@@ -309,12 +318,11 @@ def _over_folds(judged: Sequence[Judged]) -> Interval:
     right = np.array(
         [
             [
-                sum(int(((p > 0.5) == y).sum())
-                    for p, y in zip(fold.probabilities, fold.labels, strict=True)),
-                sum(map(len, fold.labels)),
+                sum(int(((p > 0.5) == y).sum()) for p, y in fold.scored()),
+                sum(len(y) for _, y in fold.scored()),
             ]
             for fold in judged
         ],
         np.float64,
-    )  # fmt: skip
+    )
     return ratio_interval(right[:, 0], right[:, 1])

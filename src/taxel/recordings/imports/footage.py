@@ -44,6 +44,8 @@ NO_RATE_HZ = 25.0
 rate. Source: our choice, docs/decisions/0041."""
 _GREY = 3.0
 """Mean difference between colours, grey levels, below which a video has no colour."""
+_BLACK = 16
+"""Largest value, grey levels, of frames that may hold 10 or 12 bits in 16. Source: 4095 / 257."""
 HIDDEN = "."
 """First letter of names that are passed over in a folder: macOS leaves `._frame1.png` beside each
 image on a stick."""
@@ -232,12 +234,19 @@ def coloured(footage: Footage) -> Iterator[NDArray[np.uint8]]:
     Raises:
         BadTable: The first frames have no colour; and as `frames` raises.
     """
-    colour = 0.0
+    colour, brightest = 0.0, 0
     for number, rgb in enumerate(footage.frames()):
         if number < 5:
             spread = rgb[:, :, ::2].astype(np.int16) - rgb[:, :, 1:2]
             colour = max(colour, float(np.abs(spread).mean()))
+            brightest = max(brightest, int(rgb.max()))
         if number == min(4, footage.count - 1) and colour < _GREY:
+            if brightest <= _BLACK:
+                raise BadTable(
+                    "colour frames", f"nearly black ones in {footage.path}: none is brighter than "
+                    f"{brightest} of 255", "if the file holds 10 or 12 bits in 16, scale the "
+                    "values to all 16 bits, or save them as 8 bits",
+                )  # fmt: skip
             raise BadTable(
                 "colour frames", f"grey ones in {footage.path}",
                 "use the sensor's own colour stream; or do not import camera trials: taxel "

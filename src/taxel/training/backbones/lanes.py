@@ -156,7 +156,12 @@ class Lanes:
         longest = max(map(len, pours), default=0)
         self._length = min(frames + WINDOWS - 1, longest)
         long = self._length >= frames
-        self._each = [-(-len(p) // EVERY) if long and len(p) >= self._length else 0 for p in pours]
+        self._whole = [np.flatnonzero(p.whole(self._length)) for p in pours]
+        """Of each recording, where a stretch may begin that spans no outage."""
+        self._each = [
+            -(-len(p) // EVERY) if long and len(whole) else 0
+            for p, whole in zip(pours, self._whole, strict=True)
+        ]
         self.share = sum(self._each) // count
         """Stretches of a lane in an epoch; of the rest, fewer than there are lanes, none is
         used."""
@@ -213,7 +218,9 @@ class Lanes:
             if number % 2 == 0 and len(changes):
                 change = int(draw.choice(changes))
                 first, end = max(0, change - self._length + 1), min(last, change - 1)
-            starts.append(int(draw.integers(first, end + 1)))
+            drawn = int(draw.integers(first, end + 1))
+            whole = self._whole[recording]
+            starts.append(int(whole[np.abs(whole - drawn).argmin()]))
         return starts
 
     def _walk(self, order: Sequence[tuple[int, int]], key: tuple[int, int]) -> Iterator[_Stretch]:

@@ -27,6 +27,7 @@ from taxel.held import MADE, scratch_folder
 from taxel.side_by_side import SideBySide
 from taxel.windows.camera_recordings import CameraRecording, camera_images, frame_sets
 from taxel.windows.rest import SETTLE, compared, settled
+from taxel.windows.sequence import whole_windows
 
 Item = TypeVar("Item")
 
@@ -83,6 +84,14 @@ class FrameFeatures:
     """Shape (rows, features)."""
     row: NDArray[np.intp]
     """Shape (n, cameras): each frame's row."""
+    time_s: NDArray[np.float64] | None = None
+    """Shape (n,): when each was taken, seconds. None: frames are taken to follow each other."""
+    gap_s: float = float("inf")
+    """Longest time between two frames of one window, seconds."""
+
+    def whole(self, k: int) -> NDArray[np.bool_]:
+        """Return whether each window of k frames spans no outage, shape (n - k + 1,)."""
+        return whole_windows(len(self.row), k, self.time_s, self.gap_s)
 
     def all(self) -> NDArray[np.float32]:
         """Return shape (n, cameras, features)."""
@@ -141,7 +150,7 @@ def extract(
         row = pour.image
         if extractor.in_order:
             row = np.arange(pour.image.size, dtype=np.intp).reshape(pour.image.shape)
-        features.append(FrameFeatures(values, row))
+        features.append(FrameFeatures(values, row, pour.time_s, pour.gap_s))
         on_progress(Progress(number, len(pours), frames, seconds))
     return features
 

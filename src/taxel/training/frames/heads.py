@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
+from taxel.errors import BadDataset
 from taxel.models.sequence import find_head
+from taxel.plain_text import number_of
 from taxel.training.curves import Epoch, thinned
 from taxel.training.frames.features import FrameFeatures
 from taxel.windows.rest import SETTLE, Tare, seen, settled
@@ -74,6 +76,9 @@ class Track:
     """Shape (n, cameras): each frame's row."""
     labels: NDArray[np.int8]
     """Shape (n,): 0 stable, 1 unstable."""
+    time_s: NDArray[np.float64] | None = None
+    """As in `FrameFeatures`, as is `gap_s`."""
+    gap_s: float = float("inf")
 
     def __len__(self) -> int:
         return len(self.row)
@@ -89,8 +94,11 @@ def tracks_of(
     part: NDArray[np.intp] | slice = slice(None),
 ) -> list[Track]:
     """Return recordings for a head: all, or those of some indices."""
-    return [Track(features[i].values, features[i].row, labels[i])
-            for i in np.arange(len(labels))[part]]  # fmt: skip
+    wanted = np.arange(len(labels))[part].tolist()
+    return [
+        Track(own.values, own.row, labels[i], own.time_s, own.gap_s)
+        for i, own in ((i, features[i]) for i in wanted)
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,13 +121,21 @@ class TrainedHead:
             features: One recording, shape (n, cameras, features).
         """
         windows = sequence_windows(self.scale(features), self.config.frames)
-        parts = []
+        parts = [np.zeros(0, np.float32)]
         self.module.eval()
         with torch.inference_mode():
             for first in range(0, len(windows), 256):
                 part = torch.from_numpy(np.ascontiguousarray(windows[first : first + 256]))
                 parts.append(torch.sigmoid(self.module(part.flatten(2))).numpy())
         return np.asarray(np.concatenate(parts), np.float32)
+
+    def judged(self, found: FrameFeatures) -> NDArray[np.float32]:
+        """Return what `probabilities` does of one recording, NaN where a window spans an outage.
+
+        Live gives no probability there either.
+        """
+        k = self.config.frames
+        return np.where(found.whole(k), self.probabilities(found.all()), np.float32(np.nan))
 
     def scale(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return features as the head takes them, same shape."""
@@ -146,12 +162,16 @@ def fit_head(
             is chosen by them.
 
     Raises:
-        ValueError: There is no window.
+        BadDataset: There is no window.
     """
     offset, factor = _scaling(tracks, config)
     where, labels = _places(tracks, config)
     if not len(where):
-        raise ValueError("needed recordings longer than a window; got none")
+        raise BadDataset(
+            f"recordings with {number_of(config.frames, 'moment')} in a row, which a window has",
+            f"at most {max(map(len, tracks), default=0)} moments in a recording, outages included",
+            "record for longer, or choose fewer --frames",
+        )
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         module = find_head(config.head).build(offset.shape[-1], config.frames)
@@ -201,7 +221,7 @@ def _places(
     """Return each training window's recording and first frame, shape (m, 2), and its label."""
     where, labels = [], []
     for number, track in enumerate(tracks):
-        starts = window_starts(len(track), config.frames, config.stride)
+        starts = window_starts(len(track), config.frames, config.stride, track.time_s, track.gap_s)
         where.append(np.stack([np.full(len(starts), number, np.intp), starts], axis=1))
         known = label_windows(_ahead(track.labels, config.ahead), config.frames)
         labels.append(known[starts])

@@ -141,5 +141,9 @@ def truth_of(pour: CameraRecording) -> NDArray[np.float32]:
 
 
 def rate_of(pour: CameraRecording) -> float:
-    """Return the measured rate of a pour's frames, hertz."""
-    return (len(pour) - 1) / duration_of(pour)
+    """Return the measured rate of a pour's frames, hertz; outages do not count."""
+    steps_s = np.diff(pour.time_s)
+    follows = steps_s <= pour.gap_s
+    if follows.all() or not follows.any():
+        return (len(pour) - 1) / duration_of(pour)
+    return int(follows.sum()) / float(steps_s[follows].sum())
