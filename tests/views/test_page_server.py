@@ -11,8 +11,8 @@ import httpx
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from page_socket import answer, enter, page, push, say_all
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect
 
 from taxel.errors import BadInput
 from taxel.views.page.clients import MESSAGES_HZ, Clients
@@ -79,52 +79,6 @@ def station(served):
     served[1].fails, served[1].alarms = "", []
     served[1].heard.clear()
     return served[1]
-
-
-@contextmanager
-def page(server, **changed):
-    """A page that got in by the token, as a browser would."""
-    headers = {"Cookie": enter(server)} | changed.pop("headers", {})
-    address = server.origin.replace("http", "ws") + "/live"
-    given = {"origin": server.origin, "additional_headers": headers, "compression": None} | changed
-    with connect(address, **given) as socket:
-        yield socket
-
-
-def enter(server) -> str:
-    token = server.url.partition("#")[2]
-    answer = httpx.post(f"{server.origin}/enter", content=token, headers={"Origin": server.origin})
-    assert answer.status_code == 204
-    return answer.headers["set-cookie"].partition(";")[0]
-
-
-def push(socket) -> dict:
-    """Return the next push, and say that it was seen."""
-    while True:
-        message = socket.recv(timeout=5)
-        if isinstance(message, str) and "number" in (given := json.loads(message)):
-            socket.send(json.dumps({"do": "seen", "number": given["number"]}))
-            return given
-
-
-def say_all(socket, messages: list[str]) -> None:
-    """Send messages, then look on until the server ends it."""
-    for message in messages:
-        socket.send(message)
-    while True:
-        push(socket)
-
-
-def answer(socket) -> dict:
-    """Return the next answer to a command; pushes on the way are seen."""
-    while True:
-        message = socket.recv(timeout=5)
-        if isinstance(message, bytes):
-            continue
-        given = json.loads(message)
-        if "number" not in given:
-            return given
-        socket.send(json.dumps({"do": "seen", "number": given["number"]}))
 
 
 def test_the_key_stands_behind_the_hash_and_the_cookie_is_another_secret(server):

@@ -1,7 +1,6 @@
 """What the operator's page sees of the rings, and what its wishes become.
 
-No process runs: the rings are real, and the tests write what a station would.
-"""
+No process runs: the rings are real, and the tests write what a station would."""
 
 from __future__ import annotations
 
@@ -91,14 +90,12 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> ManualClock:
 def test_each_button_is_one_request(make: Any):
     rig = make((HAND, ()))
     rig.supervisor.put(pack({"time_s": 7.5}))
-    rig.view.snapshot()
+    assert rig.view.snapshot()["time_s"] == 7.5
     rig.view.acknowledge()
     rig.view.disarm()
     assert rig.view.react("put down") == ""
-    assert rig.asked() == [
-        {"do": "acknowledge", "until_s": 7.5}, {"do": "disarm"},
-        {"do": "react", "what": "put down"},
-    ]  # fmt: skip
+    asked = [{"do": "acknowledge", "until_s": 7.5}, {"do": "disarm"}]
+    assert rig.asked() == [*asked, {"do": "react", "what": "put down"}]
 
 
 def answered_after(rig: Rig, clock: ManualClock, patch: pytest.MonkeyPatch, *notes: Any) -> None:
