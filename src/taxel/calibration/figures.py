@@ -77,7 +77,8 @@ def _curve(axes: Axes, entry: Mapping[str, Any], form: Form) -> None:
         axes.plot(at, curve.volts(at), color="black", lw=1.0)
     axes.plot(force[rising], volts[rising], "^", color=_UP, ms=2.8, alpha=0.8, mew=0)
     axes.plot(force[~rising], volts[~rising], "v", color=_DOWN, ms=2.8, alpha=0.8, mew=0)
-    axes.set_ylim(0, max(1.1 * float(np.nanmax(volts)), 0.01))
+    largest = 1.1 * float(np.nanmax(volts))
+    axes.set_ylim(0, largest if largest > 0 else 0.01)
     axes.set_xlim(0, 1.04 * float(force.max()))
 
 

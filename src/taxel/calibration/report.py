@@ -64,6 +64,7 @@ def sensor_row(entry: Mapping[str, Any], factor: float) -> list[str]:
         entry: The sensor's part of a calibration.
         factor: What small values are multiplied by, as `shown_units` gives it.
     """
+    small, drift = ("{:.1f}", "{:+.0f}") if factor > 1 else ("{:.3g}", "{:+.3g}")
     rest, noise = entry["rest"], entry["noise"]
     errors = entry["errors"][-1] if entry["errors"] else None
     span = None
@@ -85,9 +86,9 @@ def sensor_row(entry: Mapping[str, Any], factor: float) -> list[str]:
             hysteresis["mean_pct"], hysteresis["low_pct"], hysteresis["high_pct"], "{:+.1f}"
         ),
         _text(None if span is None else _share(entry["repeatability_v"], span), "{:.1f}"),
-        _text(_times(noise["rms_v"], factor), "{:.1f}"),
-        " / ".join(_text(_times(noise[hum], factor), "{:.1f}") for hum in ("hum_50_v", "hum_60_v")),
-        "–" if rest is None else _text(_times(rest["per_hour"], factor), "{:+.0f}"),
+        _text(_times(noise["rms_v"], factor), small),
+        " / ".join(_text(_times(noise[hum], factor), small) for hum in ("hum_50_v", "hum_60_v")),
+        "–" if rest is None else _text(_times(rest["per_hour"], factor), drift),
         _text(_times(entry["rise_s"][0], 1000.0), "{:.0f}"),
         "–" if errors is None else _text(errors["curve_n"][0], "{:.3f}"),
         "–" if errors is None else _text(errors["line_n"][0], "{:.3f}"),

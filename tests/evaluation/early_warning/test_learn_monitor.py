@@ -115,6 +115,28 @@ def test_each_group_of_cups_is_held_out_once_and_then_all_are_learned() -> None:
     assert lines == ["without cup 0, 1", *(f"without cup {n}" for n in (2, 3, 4)), "all cups"]
 
 
+def test_a_recording_shorter_than_a_window_is_left_out_and_tunes_nothing() -> None:
+    data = pours_of(CUPS)
+    features = features_of(data, shared=True)
+    few, frames = 14, 16
+    short = replace(data.pours[0], time_s=data.pours[0].time_s[:few],
+                    image=data.pours[0].image[:few], beside=data.pours[0].beside[:few])  # fmt: skip
+    some = replace(
+        data, pours=(short, *data.pours[1:]), labels=(data.labels[0][:few], *data.labels[1:])
+    )
+    cut = FrameFeatures(features[0].values[:few], features[0].row[:few])
+    config = replace(CONFIG, epochs=1, frames=frames)
+    learnt = learn_monitor(some, [cut, *features[1:]], config)
+    trivial = warn_trivially(
+        some, lambda i: some.pours[i].beside[:, 0], cup_folds(some.cups()), name="n", frames=frames
+    )
+
+    assert learnt.windows is not None
+    assert learnt.windows.windows == (2 * CUPS - 1) * (FRAMES - frames + 1)
+    assert learnt.tuned is not None
+    assert trivial.tests == (1, 2, 3, 4, 5)
+
+
 def test_one_cup_gives_a_monitor_of_unknown_worth_with_the_usual_thresholds() -> None:
     data = pours_of(1)
     learnt = learn_monitor(data, features_of(data, shared=True), CONFIG)

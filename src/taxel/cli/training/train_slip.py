@@ -143,7 +143,7 @@ class TrainSlip:
             raise BadInput("a folder to keep simulated poses in", str(self.poses), "name another")
         if recorded := _recorded_in(self.poses):
             raise BadInput(
-                "a folder of its own for simulated poses, which alone are learned from",
+                "a new folder, or one of simulated poses, which alone are learned from",
                 f"{self.poses}, which holds {recorded.name}",
                 "name a new one; recordings are learned from with: taxel train-monitor; "
                 "labelled videos with: taxel train-trials",

@@ -123,7 +123,8 @@ def warn_trivially(
             judged = np.where(data.pours[index].whole(frames), place.clip(0.001, 0.999), np.nan)
             return judged.astype(np.float32)
 
-        tracks = [_track(data, i, rank(i), frames) for i in fold.train_rows]
+        long = [i for i in fold.train_rows if len(data.pours[i]) >= frames]
+        tracks = [_track(data, i, rank(i), frames) for i in long]
         tuned.append(tune(tracks, base=_base()))
         labels = tuple(label_windows(data.labels[i], frames) for i in fold.test_rows)
         judged.append(Judged(fold, tuple(rank(i) for i in fold.test_rows), labels))
@@ -154,11 +155,15 @@ def _tune_head(
 def monitor_tracks(
     data: CameraSet, judged: Sequence[Judged], frames: int
 ) -> list[ProbabilityTrack]:
-    """Return the judged pours' probabilities with what truly happened, for tuning."""
+    """Return the judged pours' probabilities with what truly happened, for tuning.
+
+    Pours shorter than a window have none and are left out.
+    """
     return [
         _track(data, int(index), found, frames)
         for scored in judged
         for index, found in zip(scored.fold.test_rows, scored.probabilities, strict=True)
+        if len(found)
     ]
 
 
@@ -187,6 +192,8 @@ def _result(
     outcomes, probabilities, tests = [], [], []
     for scored, choice in zip(judged, tuned, strict=True):
         for index, found in zip(scored.fold.test_rows, scored.probabilities, strict=True):
+            if not len(found):
+                continue
             track = _track(data, int(index), found, frames)
             decided = states(track.probabilities, track.time_s, choice.config)
             outcomes.append(
