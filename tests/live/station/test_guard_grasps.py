@@ -11,7 +11,7 @@ def test_a_grasp_that_slips_beside_one_whose_alarm_was_acknowledged_is_a_new_ala
     rig.decide("monitor 1/0", note("UNSTABLE"))
     rig.decide("monitor 2/0", note("STABLE"))
     rig.run(0.05)
-    rig.guard.alarms.acknowledge_until(rig.now_s, rig.now_s)
+    rig.guard.alarms.acknowledge_seen(None, rig.now_s)
     rig.run(0.05)
     (first,) = rig.guard.alarms.alarms
     assert first.acknowledged
@@ -20,7 +20,7 @@ def test_a_grasp_that_slips_beside_one_whose_alarm_was_acknowledged_is_a_new_ala
         rig.run(0.05)
         (alarm,) = rig.guard.alarms.alarms
         assert (alarm.kind, alarm.level, alarm.acknowledged) == ("grasp", Level.DANGER, False)
-        rig.guard.alarms.acknowledge_until(rig.now_s, rig.now_s)
+        rig.guard.alarms.acknowledge_seen(None, rig.now_s)
     rig.run(0.05)
     (alarm,) = rig.guard.alarms.alarms
     assert alarm.acknowledged  # as long as nothing gets worse
@@ -32,7 +32,7 @@ def test_a_grasp_that_is_unknown_between_two_words_that_it_slips_alarms_once():
     for state in ("UNSTABLE", "UNKNOWN", "WARNING", "UNSTABLE"):
         rig.decide("monitor 1/0", note(state, reason="no frame for 120 ms"))
         rig.run(0.05)
-        rig.guard.alarms.acknowledge_until(rig.now_s, rig.now_s)
+        rig.guard.alarms.acknowledge_seen(None, rig.now_s)
     assert rig.guard.alarms.counts.raised == 1
 
 
@@ -41,7 +41,7 @@ def test_two_monitors_of_one_grasp_raise_one_alarm():
     rig.decide("monitor/1", note("STABLE"))
     rig.decide("monitor/0", note("UNSTABLE"))
     rig.run(0.05)
-    rig.guard.alarms.acknowledge_until(rig.now_s, rig.now_s)
+    rig.guard.alarms.acknowledge_seen(None, rig.now_s)
     rig.decide("monitor/1", note("UNSTABLE"))
     rig.run(0.05)
     assert rig.guard.alarms.counts.raised == 1
