@@ -259,6 +259,7 @@ class Station:
                 self._happened(now_s, gap)
         notes = self._hear(now_s)
         self._watch.look(now_s)
+        self._late.forget(self.wiring.given_up, now_s)
         self.driving.tick(now_s)
         self.person.tick(now_s)
         acted_s = monotonic()
