@@ -67,8 +67,8 @@ class SimStation:
         self.alarms = [alarm for alarm in self.alarms if not alarm["acknowledged"]][-2:]
         if state in texts:
             self.alarms.insert(
-                0, {"kind": state, "text": texts[state], "level": level, "since_s": now,
-                    "acknowledged": False},
+                0, {"key": len(self.events), "kind": state, "text": texts[state], "level": level,
+                    "since_s": now, "acknowledged": False},
             )  # fmt: skip
 
     def snapshot(self):
@@ -138,7 +138,7 @@ class SimStation:
             "events": [{"t": t, "text": text} for t, text in list(self.events) if t > since_s],
         }
 
-    def acknowledge(self):
+    def acknowledge(self, seen=()):
         self.commands.append("acknowledge")
         self.alarms = [{**alarm, "acknowledged": True} for alarm in self.alarms]
 

@@ -125,7 +125,7 @@ def test_the_newest_of_many_alarms_and_the_button_stay_in_sight(browser, opened,
     """A list that was centred in its field could not be scrolled to its first line."""
     now = time.monotonic()
     station.alarms = [
-        {"kind": f"k{i}", "text": f"alarm {i}: " + "a reason of some length " * 3,
+        {"key": i, "kind": f"k{i}", "text": f"alarm {i}: " + "a reason of some length " * 3,
          "level": "danger", "since_s": now, "acknowledged": False} for i in range(8)
     ]  # fmt: skip
     browser.until("document.querySelectorAll('#alarmlist li').length === 8")

@@ -31,7 +31,7 @@ class Station:
     def traces(self, since_s):
         return {"time_s": 1.0}
 
-    def acknowledge(self):
+    def acknowledge(self, seen):
         pass
 
     def record(self, on, labels):

@@ -38,7 +38,7 @@ class Station:
     def traces(self, since_s):
         return {"time_s": float(self.moment)}
 
-    def acknowledge(self):
+    def acknowledge(self, seen):
         pass
 
     def record(self, on, labels):

@@ -21,6 +21,8 @@ from taxel.views.page.plan_link import PlanLink
 from taxel.views.page.server import PageServer, serve_page
 
 IMAGE = b"\xff\xd8" + b"\x55" * 40_000 + b"\xff\xd9"
+ALARM = {"key": 1, "kind": "grasp", "text": "", "level": "warning", "since_s": 1.0,
+         "acknowledged": False}  # fmt: skip
 
 
 class Station:
@@ -48,8 +50,8 @@ class Station:
     def traces(self, since_s):
         return {"time_s": float(self.moment), "since_s": since_s}
 
-    def acknowledge(self):
-        self.commands.append("acknowledge")
+    def acknowledge(self, seen):
+        self.commands.append(("acknowledge", *seen))
         self.heard.set()
 
     def disarm(self):
@@ -180,28 +182,27 @@ def test_a_person_s_word_and_request_reach_the_station_and_its_refusal_comes_bac
         socket.send('{"do":"seek","time_s":1}')
         assert answer(socket)["reason"] == "only a recording can be wound"
 
-    assert station.commands[-2:] == ["acknowledge", (True, {"object": "cup 3"})]
+    assert station.commands[-2:] == [("acknowledge",), (True, {"object": "cup 3"})]
 
 
 def test_an_alarm_that_a_page_has_not_shown_is_not_acknowledged_by_it(server, station):
     """A key pressed while the network stood still arrived after alarms that nobody had seen."""
-    alarm = {"kind": "grasp", "text": "", "level": "warning", "since_s": 1.0, "acknowledged": False}
     station.commands.clear()
     with page(server) as socket:
         push(socket)  # without an alarm
-        station.alarms = [alarm]
+        station.alarms = [ALARM]
         socket.send('{"do":"acknowledge"}')
         assert "had not shown yet" in answer(socket)["reason"]
         while not push(socket)["snapshot"]["alarms"]:
             pass
-        station.alarms = [{**alarm, "level": "danger"}]  # worse than what was shown
+        station.alarms = [{**ALARM, "key": 2}]  # went and came on again, with all else the same
         socket.send('{"do":"acknowledge"}')
         assert "had not shown yet" in answer(socket)["reason"]
-        while push(socket)["snapshot"]["alarms"][0]["level"] != "danger":
+        while push(socket)["snapshot"]["alarms"][0]["key"] != 2:
             pass
         socket.send('{"do":"acknowledge"}')
         assert answer(socket) == {"done": "acknowledge", "reason": ""}
-    assert station.commands == ["acknowledge"]
+    assert station.commands == [("acknowledge", 2)]
 
 
 def test_a_station_that_fails_is_reported_on_the_page_and_comes_back(server, station):

@@ -19,6 +19,7 @@ threads at once.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -56,7 +57,10 @@ class Alarm:
     """One alarm as a person sees it."""
 
     number: int
-    """Grows by one with each alarm raised in this run; what a person acknowledges."""
+    """Grows by one with each alarm raised in this run."""
+    key: int
+    """What it means now, as a person sees it: another number, of this run alone, once it is raised,
+    comes on again, gets worse, is about one more grasp or counts one more."""
     kind: str
     """What it is about; at most one alarm a kind."""
     level: Level
@@ -109,6 +113,7 @@ class AlarmLatch:
     def __init__(self) -> None:
         self._alarms: dict[str, Alarm] = {}
         self._raised = 0
+        self._keys = 0
         self._acknowledged = 0
         self._latest_s = 0.0
         self._begun_s: float | None = None
@@ -134,6 +139,7 @@ class AlarmLatch:
             self._raised += 1
             alarm = Alarm(
                 number=self._raised,
+                key=self._next_key(),
                 kind=kind,
                 level=level,
                 text=text,
@@ -143,7 +149,8 @@ class AlarmLatch:
             )
         else:
             level = level if worse else old.level
-            alarm = replace(old, level=level, text=text, on=True, gone_s=None, input=input)
+            key = self._next_key() if worse or not old.on else old.key
+            alarm = replace(old, key=key, level=level, text=text, on=True, gone_s=None, input=input)
         self._alarms[kind] = alarm
         return alarm
 
@@ -170,11 +177,16 @@ class AlarmLatch:
     def renew_grasp(self) -> None:
         """Note that one of several grasps begins to alarm or gets worse.
 
-        That somebody acknowledged the alarm of another grasp must not silence this one's.
+        That somebody acknowledged the alarm of another grasp, or is about to, must not silence
+        this one's.
         """
         alarm = self._alarms.get(GRASP)
-        if alarm is not None and alarm.acknowledged:
+        if alarm is None:
+            return
+        if alarm.acknowledged:
             del self._alarms[GRASP]
+        else:
+            self._alarms[GRASP] = replace(alarm, key=self._next_key())
 
     def watch(self, decision: StabilityDecision, armed: bool, now_s: float) -> None:
         """Set and clear the alarms GRASP and INPUT by a decision.
@@ -212,16 +224,16 @@ class AlarmLatch:
         alarm, before = self._alarms.pop(GRASP, None), self._alarms.get(EARLIER)
         if alarm is None:
             return
-        count, level, since_s = 1, alarm.level, alarm.since_s
+        key, count, level, since_s = alarm.key, 1, alarm.level, alarm.since_s
         if before is not None:
-            count, since_s = 1 + before.count, before.since_s
+            key, count, since_s = self._next_key(), 1 + before.count, before.since_s
             level = max(level, before.level, key=_RANK.__getitem__)
         text = (
             f"an earlier grasp {_WAS[level]}" if count == 1 else f"{count} earlier grasps alarmed"
         )
         self._alarms[EARLIER] = replace(
-            alarm, kind=EARLIER, level=level, text=f"{text}: not acknowledged", since_s=since_s,
-            count=count,
+            alarm, key=key, kind=EARLIER, level=level, text=f"{text}: not acknowledged",
+            since_s=since_s, count=count,
         )  # fmt: skip
 
     def _begins(self, decision: StabilityDecision, now_s: float) -> bool:
@@ -255,18 +267,18 @@ class AlarmLatch:
                 return True
         return False
 
-    def acknowledge_until(self, until_s: float, now_s: float) -> bool:
-        """Acknowledge the alarms raised until a moment; return whether there is no later one.
+    def acknowledge_seen(self, seen: Collection[int] | None, now_s: float) -> bool:
+        """Acknowledge the alarms that a person saw; return whether no other one waits.
 
         Args:
-            until_s: Of what the person saw, monotonic seconds.
+            seen: Their keys; of an alarm that has become another since then, the key is no longer
+                its own. None for all alarms.
             now_s: This moment, monotonic seconds.
         """
-        later = [alarm for alarm in self.alarms if not alarm.since_s <= until_s]
         for alarm in self.alarms:
-            if alarm not in later:
+            if seen is None or alarm.key in seen:
                 self.acknowledge(alarm.number, now_s)
-        return not later
+        return self.sounding is None
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -314,6 +326,10 @@ class AlarmLatch:
             "sounding": self.sounding,
             "counts": asdict(self.counts),
         }
+
+    def _next_key(self) -> int:
+        self._keys += 1
+        return self._keys
 
     def _moment(self, now_s: float) -> float:
         if math.isfinite(now_s):

@@ -48,7 +48,7 @@ def test_any_bytes_are_a_packet_or_none(content: bytes):
 requests = any_json | st.fixed_dictionaries(
     {"do": st.sampled_from(["acknowledge", "record", "end", "arm", ""]) | any_json},
     optional={"labels": any_json | st.dictionaries(st.text(max_size=9), any_json),
-              "path": st.text(max_size=20)},
+              "path": st.text(max_size=20), "seen": any_json | st.lists(st.integers())},
 )  # fmt: skip
 
 
@@ -65,7 +65,7 @@ def test_any_request_of_a_page_is_one_of_three_or_is_refused(request: object):
         done.append("record")
 
     station = SimpleNamespace(
-        acknowledge=lambda until_s: done.append("acknowledge"),
+        acknowledge=lambda seen: done.append("acknowledge"),
         end_recording=lambda: done.append("end"),
         record=record,
         config=SimpleNamespace(groups={"session": "1"}, labels={}, recordings=Path("recordings")),

@@ -252,7 +252,7 @@ def test_the_page_reacts_acknowledges_and_ends_a_recording(make: Any):
     rig.grasp(1.0, "UNSTABLE")
     rig.hear(1.0)
     assert not rig.alarm("grasp").acknowledged
-    seen = {"do": "acknowledge", "until_s": 1.0}
+    seen = {"do": "acknowledge", "seen": [rig.alarm("grasp").key]}
     for request in ({"do": "react", "what": "pour stopped"}, seen, {"do": "end"}):
         rig.page.put(pack(request))
     rig.hear(1.1)
@@ -339,15 +339,16 @@ def test_the_page_acknowledges_no_alarm_that_it_has_not_shown(make: Any):
     rig = make()
     rig.station.person.begin(0.5)
     rig.station.guard.trouble("late camera", "left is 40 ms late", 1.0, danger=False)
+    seen = rig.alarm("late camera").key
     rig.grasp(2.0, "UNSTABLE")
     rig.hear(2.0)
-    rig.page.put(pack({"do": "acknowledge", "until_s": 1.95}))
+    rig.page.put(pack({"do": "acknowledge", "seen": [seen]}))
     rig.hear(2.1)
     assert rig.alarm("late camera").acknowledged
     assert not rig.alarm("grasp").acknowledged
     refused = rig.station.refused_requests
-    for until_s in (None, "9", {}):
-        rig.page.put(pack({"do": "acknowledge", "until_s": until_s}))
+    for wrong in (None, "9", {}, 2, [None], [2.0], [True]):
+        rig.page.put(pack({"do": "acknowledge", "seen": wrong}))
     rig.hear(2.2)
-    assert rig.station.refused_requests == refused + 3
+    assert rig.station.refused_requests == refused + 7
     assert not rig.alarm("grasp").acknowledged

@@ -91,10 +91,10 @@ def test_each_button_is_one_request(make: Any):
     rig = make((HAND, ()))
     rig.supervisor.put(pack({"time_s": 7.5}))
     assert rig.view.snapshot()["time_s"] == 7.5
-    rig.view.acknowledge()
+    rig.view.acknowledge(frozenset({3, 2}))
     rig.view.disarm()
     assert rig.view.react("put down") == ""
-    asked = [{"do": "acknowledge", "until_s": 7.5}, {"do": "disarm"}]
+    asked = [{"do": "acknowledge", "seen": [2, 3]}, {"do": "disarm"}]
     assert rig.asked() == [*asked, {"do": "react", "what": "put down"}]
 
 

@@ -11,6 +11,7 @@ import http.client
 import json
 import socket
 import time
+from collections.abc import Collection
 from contextlib import ExitStack
 from typing import Any
 
@@ -103,7 +104,7 @@ class _Still:
     def traces(self, since_s: float) -> dict[str, Any]:
         return {"time_s": 1.0}
 
-    def acknowledge(self) -> None:
+    def acknowledge(self, seen: Collection[int]) -> None:
         return None
 
     def disarm(self) -> None:

@@ -59,7 +59,7 @@ class Driving:
         Args:
             who: The monitor of that grasp; empty for every grasp.
         """
-        self._guard.new_grasp()
+        self._guard.new_grasp(who)
         for actuator in self._actuators:
             if isinstance(actuator, SimulatedGrip):
                 if not actuator.begins(who):

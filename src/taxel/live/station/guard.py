@@ -83,6 +83,9 @@ class Guard:
         self._levels: dict[str, int] = {}
         """Process of monitors, which watches one grasp → how bad that grasp was since it was calm:
         0, 1 warned, 2 unstable."""
+        self._begun: set[str] = set()
+        """Those whose next grasp was announced, while all that was heard may be of the one
+        before."""
         self._shown = (NO_GRASP, "", 0.0)
         self._doubt = ""
         self._decision = StabilityDecision(
@@ -99,9 +102,14 @@ class Guard:
         nothing = StabilityDecision(Stability.UNKNOWN, reason, now_s, math.nan)
         self._monitors[name] = _Monitor(nothing, now_s, now_s)
 
-    def new_grasp(self) -> None:
-        """Begin another grasp, at the force that is set now, with alarms of its own."""
+    def new_grasp(self, who: str = "") -> None:
+        """Begin another grasp, at the force that is set now, with alarms of its own.
+
+        Args:
+            who: The monitor of that grasp; empty for every grasp.
+        """
         self.alarms.new_grasp()
+        self._begun.update(map(_process, (who,) if who else self._monitors))
         self.begin_raises()
 
     def begin_raises(self) -> None:
@@ -327,14 +335,18 @@ class Guard:
         """
         grasps: dict[str, list[StabilityDecision]] = {}
         for who, decision in every.items():
-            grasps.setdefault(who.partition("/")[0], []).append(decision)
+            grasps.setdefault(_process(who), []).append(decision)
         worsens = False
         for name, decisions in grasps.items():
             state, before = _worst_of(decisions).state, self._levels.get(name, 0)
-            if state in (Stability.STABLE, Stability.NO_GRASP):
+            level = _LEVELS.get(state, 0)
+            if state in (Stability.STABLE, Stability.NO_GRASP) or (
+                name in self._begun and not level
+            ):
+                self._begun.discard(name)
                 self._levels[name] = 0
             else:  # silence is no evidence of calm
-                self._levels[name] = max(before, _LEVELS.get(state, 0))
+                self._levels[name] = max(before, level)
             worsens = worsens or self._levels[name] > before
         return worsens
 
@@ -362,6 +374,11 @@ class Guard:
                 reason = REASONS["alarm"].say()
         since_s = self._shown[2] if word == self._shown[0] else now_s
         self._shown = (word, reason, since_s)
+
+
+def _process(who: str) -> str:
+    """Return the name of a monitor's process, which watches one grasp."""
+    return who.partition("/")[0]
 
 
 def _worst_of(decisions: Iterable[StabilityDecision]) -> StabilityDecision:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import OrderedDict, deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic, sleep
@@ -162,9 +162,10 @@ class StationView:
             "latency_ms": {}, "gripper": None, "recording": {}, "do": None, "trial": None,
         }  # fmt: skip
         newest = {key: value for key, value in self._newest.items() if key != "events"}
-        still_s = self._board.still_s(monotonic())
+        now_s = monotonic()
+        still_s = self._board.still_s(now_s)
         if still_s > self._config.stall_s:
-            newest |= stalled_snapshot(newest, still_s, monotonic())
+            newest |= stalled_snapshot(newest, still_s, now_s)
         return nothing | newest | {
             "sources": [
                 how_it_does(note, monotonic() - noted_s) | {"kind": note["kind_of"]}
@@ -223,9 +224,9 @@ class StationView:
             "events": [{"t": t, "text": text} for t, text in events if t > after[2]],
         }
 
-    def acknowledge(self) -> None:
-        """Report to the supervisor that a person saw the alarms of the newest snapshot."""
-        self._ask({"do": "acknowledge", "until_s": self._newest.get("time_s", 0.0)})
+    def acknowledge(self, seen: Collection[int]) -> None:
+        """Report to the supervisor which alarms a person saw."""
+        self._ask({"do": "acknowledge", "seen": sorted(seen)})
 
     def record(self, on: bool, labels: dict[str, str]) -> str:
         """Start or stop recording; wait until it is so, or why not."""

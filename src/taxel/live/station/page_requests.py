@@ -7,6 +7,7 @@ Background of our choices: docs/decisions/0018.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Protocol
@@ -23,8 +24,8 @@ class Askable(Protocol):
     def config(self) -> StationConfig:
         """Labels, groups and the folder of recordings."""
 
-    def acknowledge(self, until_s: float) -> Any:
-        """Let alarms end that a person has seen: those until a moment."""
+    def acknowledge(self, seen: Collection[int]) -> Any:
+        """Let alarms end that a person has seen: those of these keys."""
 
     def disarm(self, by: str) -> Any:
         """Take the grip's power to follow."""
@@ -48,9 +49,7 @@ def fulfil(station: Askable, request: Packet) -> None:
     if not isinstance(request, dict):
         raise TypeError("a request is a note")
     if request["do"] == "acknowledge":
-        if not isinstance(request["until_s"], int | float):
-            raise TypeError("until_s is a moment, seconds")
-        station.acknowledge(request["until_s"])
+        station.acknowledge(_keys(request["seen"]))
     elif request["do"] == "disarm":
         station.disarm("a person at the page")
     elif request["do"] == "react":
@@ -64,3 +63,9 @@ def fulfil(station: Askable, request: Packet) -> None:
         station.record(path, {**config.labels, **typed}, groups)
     elif request["do"] == "end":
         station.end_recording()
+
+
+def _keys(seen: object) -> frozenset[int]:
+    if not isinstance(seen, list) or not all(type(key) is int for key in seen):
+        raise TypeError("seen is a list of keys")
+    return frozenset(seen)

@@ -31,6 +31,8 @@ _SILENT_S = 1.0
 as running. Source: our choice."""
 _WEIGH_S = 1.0
 """How often percentiles are computed. Source: our choice."""
+_STALL_KEY = 0
+"""Of the alarm that the page itself raises: a supervisor's own keys begin at 1."""
 
 
 class Latencies:
@@ -93,8 +95,8 @@ def guard_snapshot(guard: Guard, now_s: float) -> dict[str, Any]:
         "score": score if math.isfinite(score) else None,
         "slip": None if guard.slip is None else guard.slip.as_dict(),
         "alarms": [
-            {"kind": a.kind, "text": a.text, "level": str(a.level), "since_s": a.since_s,
-             "acknowledged": a.acknowledged}
+            {"key": a.key, "kind": a.kind, "text": a.text, "level": str(a.level),
+             "since_s": a.since_s, "acknowledged": a.acknowledged}
             for a in guard.alarms.alarms
         ],
     }  # fmt: skip
@@ -109,8 +111,8 @@ def stalled_snapshot(newest: dict[str, Any], still_s: float, now_s: float) -> di
         now_s: This moment, monotonic seconds: the page must not take it for stale.
     """
     since_s, text = now_s - still_s, stall_words(still_s)
-    alarm = {"kind": STALL, "text": text, "level": str(Level.DANGER), "since_s": since_s,
-             "acknowledged": False}  # fmt: skip
+    alarm = {"key": _STALL_KEY, "kind": STALL, "text": text, "level": str(Level.DANGER),
+             "since_s": since_s, "acknowledged": False}  # fmt: skip
     others = [alarm for alarm in newest.get("alarms", []) if alarm["kind"] != STALL]
     return {"time_s": now_s, "state": STOP, "reason": text, "since_s": since_s,
             "alarms": [alarm, *others],

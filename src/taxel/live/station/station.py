@@ -10,9 +10,8 @@ Background of our choices: docs/decisions/0019.
 from __future__ import annotations
 
 import contextlib
-import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from time import monotonic
@@ -169,9 +168,9 @@ class Station:
         """Order nothing more, on behalf of a person; a stop stays a stop."""
         self.guard.interlock.disarm(monotonic(), by)
 
-    def acknowledge(self, until_s: float = math.inf) -> None:
-        """Acknowledge the alarms raised until a moment, on behalf of a person who saw them."""
-        if self.guard.alarms.acknowledge_until(until_s, monotonic()):
+    def acknowledge(self, seen: Collection[int] | None = None) -> None:
+        """Acknowledge alarms by their keys, all unless given, on behalf of who saw them."""
+        if self.guard.alarms.acknowledge_seen(seen, monotonic()):
             self.person.acknowledged(monotonic())
 
     def say(self, text: str) -> None:
@@ -260,6 +259,7 @@ class Station:
                 self._happened(now_s, gap)
         notes = self._hear(now_s)
         self._watch.look(now_s)
+        self._late.forget(self.wiring.given_up, now_s)
         self.driving.tick(now_s)
         self.person.tick(now_s)
         acted_s = monotonic()

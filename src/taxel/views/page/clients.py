@@ -55,8 +55,8 @@ MOST_CAMERAS = 16
 
 _UNSEEN = "an alarm came that this page had not shown yet: look at it, then acknowledge"
 
-_Alarms = frozenset[tuple[Any, ...]]
-"""Alarms by kind, level and beginning; their words may change each moment."""
+_Alarms = frozenset[int]
+"""Keys of alarms: what they mean, while their words may change each moment."""
 _log = logging.getLogger("taxel.page")
 
 
@@ -264,7 +264,7 @@ class Clients:
                 case Acknowledge() if _unacknowledged(self._link.snapshot()) - shown:
                     return _UNSEEN
                 case Acknowledge():
-                    await asyncio.to_thread(self._link.acknowledge)
+                    await asyncio.to_thread(self._link.acknowledge, shown)
                 case Record(on, labels):
                     return await asyncio.to_thread(self._link.record, on, labels)
                 case React(what) if isinstance(self._link, PersonLog):
@@ -286,11 +286,7 @@ class Clients:
 
 def _unacknowledged(snapshot: dict[str, Any]) -> _Alarms:
     alarms = snapshot.get("alarms") or ()
-    return frozenset(
-        (alarm.get("kind"), alarm.get("level"), alarm.get("since_s"))
-        for alarm in alarms
-        if not alarm.get("acknowledged")
-    )
+    return frozenset(alarm["key"] for alarm in alarms if not alarm.get("acknowledged"))
 
 
 def _unforeseen(error: Exception) -> Exception | None:

@@ -8,6 +8,7 @@ about HTTP.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, Protocol, runtime_checkable
 
 
@@ -37,7 +38,9 @@ class StationLink(Protocol):
                 score, 0…1 or None, in the field score;
             slip: {slip_mm, slip_rate_mm_s, …, slip_seen}, or None where nothing follows it;
             thresholds (may be left out): {warn, clear, unstable}, 0…1;
-            alarms: list of {kind, text, level ("warning" or "danger"), since_s, acknowledged};
+            alarms: list of {key, kind, text, level ("warning" or "danger"), since_s,
+                acknowledged}; key is a number that becomes another where an alarm comes on again,
+                gets worse or is about more than before;
             answers: list of {target, label, confidence 0…1, reason, action and time_s (may be left
                 out)}; time_s is of the station's clock, an empty label that of no answer yet;
             sources: list of {name, url, kind ("array" or "cameras"), state ("live",
@@ -86,8 +89,12 @@ class StationLink(Protocol):
         """
         ...
 
-    def acknowledge(self) -> None:
-        """Take a person's word that the alarms were seen."""
+    def acknowledge(self, seen: Collection[int]) -> None:
+        """Take a person's word that alarms were seen.
+
+        Args:
+            seen: Their keys, as the page had shown them: an alarm of another key was not seen.
+        """
         ...
 
     def disarm(self) -> str | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from time import monotonic
 from typing import Any
 
@@ -120,7 +120,7 @@ class PlanLink:
             self._steps.append(what)
         return ""
 
-    def acknowledge(self) -> None:
+    def acknowledge(self, seen: Collection[int]) -> None:
         """There are no alarms."""
 
     def disarm(self) -> str:

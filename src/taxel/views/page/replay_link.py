@@ -12,6 +12,7 @@ from __future__ import annotations
 import threading
 from bisect import bisect_right
 from collections import OrderedDict
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -216,7 +217,7 @@ class ReplayLink:
             ],
         }
 
-    def acknowledge(self) -> None:
+    def acknowledge(self, seen: Collection[int]) -> None:
         """Do nothing: a recording raises no alarm."""
 
     def disarm(self) -> None:
