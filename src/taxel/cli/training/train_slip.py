@@ -49,7 +49,7 @@ class TrainSlip:
     cups: int | None = None
     """Simulated cups to learn from, 8 to 480; unless given 480, which takes 25 minutes of one core
     from an empty folder; with --gel 2 128, whose images take 15 minutes of one core; with --gel
-    both 240, two hours. Fewer cups make a worse warning."""
+    both 240, two and a half hours. Fewer cups make a worse warning."""
     false_alarms: float = 0.3
     """Largest accepted number of false alarms per minute of grasps that hold (median over held-out
     cups)."""
