@@ -21,7 +21,7 @@ from taxel.decisions.reasons import SIMULATED, kind_of
 from taxel.decisions.stability import Stability
 from taxel.live.camera_health import CameraHealth
 from taxel.live.grasp_monitor import GraspMonitor
-from taxel.live.station import inference
+from taxel.live.station import grasp_watcher
 from taxel.live.station.packets import ends_grasp
 from taxel.recordings.reader import iterate_frames
 from taxel.signals import PAUSE, CameraInfo, Frame, Mark
@@ -155,12 +155,12 @@ def watched() -> list[dict[str, Any]]:
         pytest.MonkeyPatch.context() as patched,
         open_source("sim://cup-pour?runs=2&duration_s=1.5&seed=4&kind=still", clock) as source,
     ):
-        patched.setattr(inference, "monotonic", clock.now_s)
+        patched.setattr(grasp_watcher, "monotonic", clock.now_s)
         place, path = SimpleNamespace(name="monitor"), shipped_bundle(DEFAULT_WARNING)
         job = SimpleNamespace(
             place=place, bundles=(path,), cameras=source.cameras, trust=None, device="cpu"
         )
-        watcher = inference._GraspWatcher(path, job, ring, 0)  # type: ignore[arg-type]
+        watcher = grasp_watcher.GraspWatcher(path, job, ring, 0)  # type: ignore[arg-type]
         pulse = SimpleNamespace(beat=lambda **_: None)
         while not source.ended:
             source.read(0.005)

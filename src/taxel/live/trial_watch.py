@@ -10,7 +10,7 @@ Background of our choices: docs/decisions/0041.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 from time import perf_counter
@@ -58,13 +58,18 @@ class TrialWatch:
         bundle: What is recognised.
         cameras: The source's.
         least_confidence: Below this probability the verdict is UNKNOWN, 0…1.
+        before_look: Called before each look at a crop, which may take a second.
 
     Raises:
         BadBundle: The bundle was not made for such cameras.
     """
 
     def __init__(
-        self, bundle: TrialBundle, cameras: tuple[CameraInfo, ...], least_confidence: float = 0.5
+        self,
+        bundle: TrialBundle,
+        cameras: tuple[CameraInfo, ...],
+        least_confidence: float = 0.5,
+        before_look: Callable[[], None] = lambda: None,
     ) -> None:
         contract = bundle.contract
         contract.check(
@@ -75,6 +80,7 @@ class TrialWatch:
         self._cameras = cameras
         self._config = verdict_config(bundle, least_confidence)
         self._health = CameraHealth(cameras)
+        self._before_look = before_look
         self.reset()
 
     def reset(self) -> None:
@@ -110,8 +116,13 @@ class TrialWatch:
             self._gone = TrialAnswer(verdict, time_s, self._count, False, False, 0.0)
         return self._gone
 
-    def push(self, found: FrameSet) -> TrialAnswer:
-        """Take in the newest frame of each camera; return the verdict so far."""
+    def push(self, found: FrameSet, *, look: bool = True) -> TrialAnswer:
+        """Take in the newest frame of each camera; return the verdict so far.
+
+        Args:
+            found: The frames.
+            look: False lets a crop that ends here go, where too many frames wait.
+        """
         started = perf_counter()
         contract = self.bundle.contract
         self._count += 1
@@ -122,7 +133,7 @@ class TrialWatch:
             left = max(0, len(self._sets) - contract.layout.span + 1)
             self._sets = [*self._sets[left:], found]
         past = self._count - contract.layout.span
-        looked = past >= 0 and past % contract.layout.every == 0
+        looked = look and past >= 0 and past % contract.layout.every == 0
         if past < 0:
             self._verdict = self._too_few()
         elif looked:
@@ -220,6 +231,7 @@ class TrialWatch:
         return join_crops(probabilities, novelty, self.bundle.contract.classes, self._config)
 
     def _crop(self, sets: Sequence[FrameSet]) -> tuple[NDArray[np.float64], float]:
+        self._before_look()
         moments = self._images(sets[:: self.bundle.contract.layout.step])
         probabilities, novelty = predict_crop(self.bundle, list(zip(*moments, strict=True)))
         return probabilities, novelty

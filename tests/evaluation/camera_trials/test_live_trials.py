@@ -7,6 +7,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -29,6 +30,8 @@ from taxel.errors import BadBundle, BadSource
 from taxel.evaluation.camera_trials.learned_trials import trained_on
 from taxel.frame_codec import decode_frame
 from taxel.live.frame_loop import moments_and_marks
+from taxel.live.station.station import Station
+from taxel.live.station.wiring import StationConfig
 from taxel.live.trial_replay import TrialReplay
 from taxel.live.whole_trials import predict_trials
 from taxel.recordings.imports.video_rows import read_video_rows
@@ -121,6 +124,17 @@ def test_a_score_on_the_training_trials_says_so_beside_the_commonest_class(
     live = json.loads(capsys.readouterr().out)
     assert len(live["trials"]) == 8
     assert live["warning"].startswith("the bundle was trained on 8 of these trials")
+
+    # In a station, as a process beside others: the very verdict.
+    name, notes = live["trials"][0]["trial"], list[dict[str, Any]]()
+    source = f"replay://{tmp_path / 'imported' / name}.mcap"
+    with Station(StationConfig(sources=(source,), bundles=(bundle,)), notes.append) as station:
+        station.run()
+    (whole,) = [note for note in notes if note.get("last")]
+    assert whole["confidence"] == live["trials"][0]["confidence"]
+    assert whole["truth"] == live["trials"][0]["truth"]
+    (row,) = station.answers.summary()
+    assert row["trials"] == 1
 
     others = tmp_path / "others"
     others.mkdir()

@@ -83,10 +83,10 @@ def looks_s(monkeypatch: pytest.MonkeyPatch, ring: type[Scans], turns: int) -> l
     monkeypatch.setattr(inference, "RingWriter", opened)
     monkeypatch.setattr(inference, "settle_memory", lambda: None)
     monkeypatch.setattr(inference, "monotonic", clock.now_s)
-    monkeypatch.setattr(inference, "_watcher", lambda *_: Watcher())
+    monkeypatch.setattr(inference, "watcher_of", lambda *_: Watcher())
     job = SimpleNamespace(
         place=None, ring="source", orders="", decisions="", bundles=(Path("a"),), source_row=0,
-        drill=False,
+        drill=False, rank=0,
     )  # fmt: skip
     inference.infer(job)  # type: ignore[arg-type]  # what it reads of its job
     return looked_s

@@ -7,10 +7,11 @@ from typing import Any, cast
 
 import pytest
 
-from taxel.live.station import inference
+from taxel.live.station import array_watcher
 from taxel.live.station.packets import unpack
 from taxel.live.station.station import Station
 from taxel.live.station.wiring import Wiring
+from taxel.live.station.worker import Rank
 from taxel.signals import Mark
 from taxel.windows.level_follow import LevelNow
 
@@ -33,11 +34,11 @@ def recogniser(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         setattr(found, news, list)
     found.untouched = found.waiting = str
     found.touches = 0
-    monkeypatch.setattr(inference, "Recogniser", lambda *_: found)
+    monkeypatch.setattr(array_watcher, "Recogniser", lambda *_: found)
     window = SimpleNamespace(max_gap_s=0.5, pad=False)
     contract = SimpleNamespace(target="shape", classes=("ball", "cube"), window=window)
     bundle = SimpleNamespace(contract=contract)
-    monkeypatch.setattr(inference, "read_bundle", lambda *_, **__: bundle)
+    monkeypatch.setattr(array_watcher, "read_bundle", lambda *_, **__: bundle)
     return found
 
 
@@ -46,7 +47,7 @@ def watch(levels: dict[str, Any]) -> Any:
         trust=None, device="cpu", place=SimpleNamespace(name="monitor"), least_confidence=0.5,
         sensor=None, levels=levels,
     )  # fmt: skip
-    return inference._RecogniseWatcher(Path("b.taxel"), cast("Any", job), cast("Any", Writer()), 0)
+    return array_watcher.ArrayWatcher(Path("b.taxel"), cast("Any", job), cast("Any", Writer()), 0)
 
 
 @pytest.fixture
@@ -131,7 +132,7 @@ def test_a_monitor_that_is_started_again_is_given_the_levels_of_now() -> None:
         wiring.feeds = cast("Any", [feed])
         add = lambda _name, _entry, job: jobs.append(job)  # noqa: E731
         wiring._processes = cast("Any", SimpleNamespace(add=add))
-        wiring._start_monitor(cast("Any", feed), (), 0)
+        wiring._start_monitor(cast("Any", feed), (), "monitor", Rank.MODEL)
         assert jobs[0](None).levels == {}
         wiring.levels["monitor/0"] = {"touches": 3}
         assert jobs[0](None).levels == {"monitor/0": {"touches": 3}}

@@ -22,9 +22,10 @@ from taxel.decisions.joining import MEAN
 from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadBundle
-from taxel.live.station import inference
+from taxel.live.station import array_watcher, grasp_watcher, inference
 from taxel.live.station.packets import pack, unpack
 from taxel.live.station.ring import Ring, RingReader, RingWriter
+from taxel.live.station.watching import Inference
 from taxel.signals import CameraInfo, Frame, Mark, Samples
 
 CAMERAS = tuple(
@@ -74,33 +75,34 @@ class Rig:
 
     def __init__(self, stack: ExitStack, patch: pytest.MonkeyPatch, number: int = 0) -> None:
         self.clock = ManualClock()
-        patch.setattr(inference, "monotonic", self.clock.now_s)
+        patch.setattr(grasp_watcher, "monotonic", self.clock.now_s)
         patch.setattr("taxel.live.grasp_monitor.GraspMonitor", Monitor)
-        patch.setattr(inference, "is_grasp_bundle", lambda _: True)
+        for module in (inference, grasp_watcher):
+            patch.setattr(module, "is_grasp_bundle", lambda _: True)
         contract = SimpleNamespace(
             rule="gross-slip", gives_probability=False,
             stability=SimpleNamespace(clear=0.3, warn=0.5, unstable=0.8),
         )  # fmt: skip
         made = lambda *_, **__: Bundle(contract=contract)  # noqa: E731  # one line, used once
-        patch.setattr(inference, "read_grasp_bundle", made)
+        patch.setattr(grasp_watcher, "read_grasp_bundle", made)
         ring = stack.enter_context(Ring(2**16)).name
         self._heard = stack.enter_context(RingReader(ring))
-        job = inference.Inference(
+        job = Inference(
             place=cast("Any", SimpleNamespace(name="monitor")),
             bundles=(Path("a.taxel"), Path("b.taxel")), sensor=cast("Any", 0), cameras=CAMERAS,
             ring="", source_row=0, decisions=ring,
         )  # fmt: skip
         writer = stack.enter_context(RingWriter(ring))
-        self.watcher = cast("Any", inference._watcher(Path("b.taxel"), job, writer, number))
+        self.watcher = cast("Any", inference.watcher_of(Path("b.taxel"), job, writer, number))
         self.patience_s: list[float] = []
 
     @property
     def monitor(self) -> Any:
         return self.watcher._monitor
 
-    def job(self, **changed: Any) -> inference.Inference:
+    def job(self, **changed: Any) -> Inference:
         """Return what a recogniser's process is to do."""
-        return inference.Inference(
+        return Inference(
             place=cast("Any", SimpleNamespace(name="monitor")), bundles=(), sensor=cast("Any", 0),
             cameras=(), ring="", source_row=0, decisions="", **changed,
         )  # fmt: skip
@@ -320,15 +322,16 @@ def scans(*times_s: float) -> Samples:
 def recogniser(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> Rig:
     """The same rig with a recogniser of ball and cube in place of the grasp watcher."""
     monkeypatch.setattr(inference, "is_grasp_bundle", lambda _: False)
-    monkeypatch.setattr(inference, "Recogniser", Recogniser)
+    monkeypatch.setattr(inference, "is_trial_bundle", lambda _: False)
+    monkeypatch.setattr(array_watcher, "Recogniser", Recogniser)
     contract = SimpleNamespace(
         target="shape", classes=("ball", "cube"), joining=MEAN,
         window=SimpleNamespace(max_gap_s=0.5, pad=False),
     )  # fmt: skip
     made = SimpleNamespace(contract=contract, novelty_test=None)
-    monkeypatch.setattr(inference, "read_bundle", lambda *_, **__: made)
+    monkeypatch.setattr(array_watcher, "read_bundle", lambda *_, **__: made)
     rig.watcher = cast(
-        "Any", inference._watcher(Path("b.taxel"), rig.job(), rig.watcher._writer, 1)
+        "Any", inference.watcher_of(Path("b.taxel"), rig.job(), rig.watcher._writer, 1)
     )
     return rig
 
@@ -393,8 +396,8 @@ def test_a_bundle_that_was_replaced_since_the_station_began_is_not_run(
     path = tmp_path / "b.taxel"
     path.write_bytes(packed_bundle({"bundle.json": b"{}"}))
     job = recogniser.job(checksums=(checksum_of(path),))
-    assert inference._watcher(path, job, cast("Any", None), 0).what["target"] == "shape"
+    assert inference.watcher_of(path, job, cast("Any", None), 0).what["target"] == "shape"
     for other in (packed_bundle({"bundle.json": b"[]"}), b"", None):
         path.unlink() if other is None else path.write_bytes(other)
         with pytest.raises(BadBundle, match=f"needed {path} as it was when this station began"):
-            inference._watcher(path, job, cast("Any", None), 0)
+            inference.watcher_of(path, job, cast("Any", None), 0)

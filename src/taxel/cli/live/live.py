@@ -127,9 +127,11 @@ class Live:
         rules = RuleTable(())
         if self.rules is not None:
             rules = read_rules(self.rules, _known_classes(files, trust))
-        if any(map(is_grasp_bundle, files)):
+        cameras = any(is_grasp_bundle(file) or is_trial_bundle(file) for file in files)
+        station = self._needs_station() or (len(files) > 1 and cameras)
+        if any(map(is_grasp_bundle, files)) or (station and cameras):
             self._refuse_footage()
-        if self._needs_station() or (len(files) > 1 and any(map(is_grasp_bundle, files))):
+        if station:
             from taxel.cli.live.station import live_station
 
             live_station(self._station(files, trust, rules, device))
@@ -205,11 +207,6 @@ class Live:
             raise BadInput(
                 "a bundle of an array beside --calibration", "tactile cameras only", "leave it out"
             )
-        if trials and (self._needs_station() or len(files) > 1):
-            raise BadInput(
-                "a bundle of camera trials alone, in the terminal", "more beside it",
-                "leave the other bundles and options out",
-            )  # fmt: skip
         return files
 
     def _least(self) -> float:

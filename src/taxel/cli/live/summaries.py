@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def answers_lines(results: list[dict[str, Any]]) -> list[str]:
-    """Return how many windows of each recogniser had which answer."""
+    """Return how many windows or camera trials of each recogniser had which answer."""
     from taxel.live.station.answers import titles
 
     lines = []
@@ -25,7 +25,12 @@ def answers_lines(results: list[dict[str, Any]]) -> list[str]:
         each = ", ".join(f"{visible(name)} {count}" for name, count in result["answers"].items())
         done = ", ".join(f"{visible(name)} {n}" for name, n in result["actions"].items())
         to_do = f"; to do: {done}" if done else ""
-        lines.append(f"{title}: {number_of(result['windows'], 'window')}: {each or 'none'}{to_do}")
+        many = number_of(result.get("windows", 0), "window")
+        if "trials" in result:
+            many = number_of(result["trials"], "trial")
+            if result["marked"]:
+                to_do += f"; {result['right']}/{result['marked']} as the source's own labels say"
+        lines.append(f"{title}: {many}: {each or 'none'}{to_do}")
     return lines
 
 

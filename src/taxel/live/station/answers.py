@@ -43,6 +43,8 @@ class Answers:
         self._counts: dict[str, Counter[str]] = {
             recogniser["who"]: Counter() for recogniser in recognisers
         }
+        self._marked: dict[str, Counter[bool]] = {own["who"]: Counter() for own in recognisers}
+        """Recogniser → how many camera trials that the source labels it had right, and wrong."""
         self._newest: dict[str, dict[str, Any]] = {}
         self._waiting: dict[str, str] = {}
         self._level_words: dict[str, str] = {}
@@ -59,9 +61,12 @@ class Answers:
         note = note | {"action": self._rules.action(note["target"], note["grasp"], sure)}
         before = self._newest.get(note["who"], {}).get("action", "")
         self._newest[note["who"]] = note
-        self._counts[note["who"]][note["label"]] += 1
-        if note["action"]:
-            self._actions[note["who"]][note["action"]] += 1
+        if note.get("last", True):  # of a camera trial the last verdict alone counts
+            self._counts[note["who"]][note["label"]] += 1
+            if note["action"]:
+                self._actions[note["who"]][note["action"]] += 1
+            if note.get("truth") is not None:
+                self._marked[note["who"]][note["truth"] == note["label"]] += 1
         answer = note["grasp"] if sure is None else f"{note['grasp']} {sure:.2f}"
         news = f"{note['target']} {answer}: {note['action']}"
         return note, news if note["action"] not in ("", before) else ""
@@ -92,14 +97,20 @@ class Answers:
         return found
 
     def summary(self) -> list[dict[str, Any]]:
-        """Return how many windows of each recogniser had which answer."""
-        return [
-            {**{key: recogniser[key] for key in ("target", "bundle", "who")},
-             "windows": counts.total(), "answers": dict(counts.most_common()),
-             "actions": dict(self._actions[recogniser["who"]].most_common()),
-             "level": self._level_words.get(recogniser["who"])}
-            for recogniser, counts in zip(self._recognisers, self._counts.values(), strict=True)
-        ]  # fmt: skip
+        """Return how many windows or camera trials of each recogniser had which answer."""
+        return [self._summed(recogniser, recogniser["who"]) for recogniser in self._recognisers]
+
+    def _summed(self, recogniser: dict[str, Any], who: str) -> dict[str, Any]:
+        counts, marked = self._counts[who], self._marked[who]
+        many: dict[str, Any] = {"windows": counts.total()}
+        if recogniser.get("of") == "trial":
+            many = {"trials": counts.total(), "marked": marked.total(), "right": marked[True]}
+        return {
+            **{key: recogniser[key] for key in ("target", "bundle", "who")}, **many,
+            "answers": dict(counts.most_common()),
+            "actions": dict(self._actions[who].most_common()),
+            "level": self._level_words.get(who),
+        }  # fmt: skip
 
 
 def _as_shown(title: str, note: dict[str, Any]) -> dict[str, Any]:
@@ -123,6 +134,8 @@ def _ended(title: str, who: str) -> dict[str, Any]:
 
 def _what_it_is_of(note: dict[str, Any]) -> str:
     """Return of what the answer is, and why the newest window alone would be UNKNOWN."""
+    if "of" in note:  # of a camera trial
+        return "; ".join(filter(None, (note["reason"], note["of"])))
     whole = "this contact's windows together" if note["grasp_confidence"] is not None else ""
     alone = f"the newest window alone is UNKNOWN: {note['reason']}" if note["reason"] else ""
     return "; ".join(filter(None, (whole, alone)))

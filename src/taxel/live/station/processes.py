@@ -131,12 +131,18 @@ class ProcessGroup:
         return found
 
     def silent(self, now_s: float, longest_s: float) -> list[Worker]:
-        """Return those that run and have given no sign of life for longer than some seconds."""
+        """Return those that run and have given no sign of life for longer than some seconds, beside
+        the patience that they asked for.
+        """
         found = []
         for worker in self.workers:
             beat = self._beats.read(worker.row)
             alive = worker.process is not None and worker.process.exitcode is None
-            if alive and beat.work is Work.RUNNING and now_s - beat.beat_s > longest_s:
+            if (
+                alive
+                and beat.work is Work.RUNNING
+                and now_s - beat.beat_s > longest_s + beat.patience_s
+            ):
                 found.append(worker)
         return found
 

@@ -389,7 +389,8 @@ class Station:
         self._recorder.closing()
         self._processes.close()
         with contextlib.suppress(AttributeError):  # where it never came to a start
-            self._hear(monotonic())
+            for note in self._hear(monotonic()):  # a trial's verdict may come at the source's end
+                self._on_note(note)
         self.person.new_grasp(monotonic())
         self._recorder.close()
         self._final = self._processes.ledger()

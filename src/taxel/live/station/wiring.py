@@ -16,21 +16,22 @@ from typing import Any
 
 from taxel.actions.interlock import InterlockConfig
 from taxel.actions.rule_table import RuleTable
-from taxel.bundles.envelope import checksum_of
+from taxel.bundles.envelope import checksum_of, is_trial_bundle
 from taxel.bundles.signing import Trust
 from taxel.calibration.stored import read_calibration
 from taxel.errors import BadInput, BadSource
 from taxel.live.station.acquisition import Acquisition, acquire
 from taxel.live.station.fitting import misfit, read_own_contract
 from taxel.live.station.guard import GuardConfig
-from taxel.live.station.inference import Inference, infer
+from taxel.live.station.inference import infer
 from taxel.live.station.packets import pack
 from taxel.live.station.page_link import PageSeen, ViewConfig
 from taxel.live.station.processes import ProcessGroup, Worker
 from taxel.live.station.recorder_link import RECORDER
 from taxel.live.station.recording import Recording, apart, choose_recorded, record
 from taxel.live.station.ring import Ring, RingReader, RingWriter
-from taxel.live.station.worker import Place
+from taxel.live.station.watching import Inference
+from taxel.live.station.worker import Place, Rank
 from taxel.models.devices import CPU
 from taxel.plain_text import number_of
 from taxel.signals import CameraInfo, SensorInfo
@@ -164,7 +165,14 @@ class Wiring:
             feed.sensor, feed.cameras = processes.opened(feed.worker)
         self._calibrated = self._calibrate(config.calibration)
         for index, paths in self._assign().items():
-            self._start_monitor(self.feeds[index], paths, index)
+            trials = [path for path in paths if is_trial_bundle(path)]
+            for name, rank, own in (
+                ("monitor", Rank.MODEL, [path for path in paths if path not in trials]),
+                ("recogniser", Rank.ORDINARY, trials),  # a look would hold up a monitor
+            ):
+                if own:
+                    whose = f"{name} {index + 1}" if len(self.feeds) > 1 else name
+                    self._start_monitor(self.feeds[index], tuple(own), whose, rank)
         recorder = self._start_recorder()
         for monitor in self.monitors:
             monitor.bundles = processes.opened(monitor.worker)[0]
@@ -281,16 +289,15 @@ class Wiring:
         )
         return chosen
 
-    def _start_monitor(self, feed: Feed, paths: tuple[Path, ...], number: int) -> None:
+    def _start_monitor(self, feed: Feed, paths: tuple[Path, ...], name: str, rank: Rank) -> None:
         decisions, orders = self.ring(), self.ring()
-        name = f"monitor {number + 1}" if len(self.feeds) > 1 else "monitor"
 
         def job(place: Place) -> Inference:
             return Inference(
                 place=place, bundles=paths,
                 checksums=tuple(self._checksums[path] for path in paths),
                 sensor=feed.sensor, cameras=feed.cameras,
-                ring=feed.ring, source_row=feed.worker.row, decisions=decisions,
+                ring=feed.ring, source_row=feed.worker.row, decisions=decisions, rank=rank,
                 least_confidence=self._config.least_confidence, orders=orders,
                 drill=self._config.drill, trust=self._config.trust,
                 device=self._config.device, levels=dict(self.levels),
