@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from taxel.actions.alarm import Level
 from taxel.actions.rule_table import read_rules
 from taxel.errors import BadTable
 
@@ -60,6 +61,15 @@ def test_a_line_with_a_target_is_for_that_label_alone(tmp_path: Path) -> None:
     assert table.action("material", "glass", 0.6) == "pick"
 
 
+def test_a_line_may_raise_an_alarm_of_a_level(tmp_path: Path) -> None:
+    text = "class,least_confidence,action,alarm\nglass,0.5,stop,danger\nplastic,0,go on,\n"
+    table = read_rules(write(tmp_path, text), KNOWN)
+
+    assert table.alarms
+    assert [rule.alarm for rule in table.rules] == [Level.DANGER, None]
+    assert not read_rules(write(tmp_path, TABLE), KNOWN).alarms
+
+
 HEAD = "class,least_confidence,action\n"
 
 
@@ -68,6 +78,11 @@ HEAD = "class,least_confidence,action\n"
     [
         ("", "a first line class,least_confidence,action"),
         ("class,action\nglass,bin\n", "a first line"),
+        ("class,least_confidence,action,bell\nglass,0,a,1\n", "a first line"),
+        (
+            "class,least_confidence,action,alarm\nglass,0,a,yes\n",
+            "an alarm that is warning or danger",
+        ),
         (HEAD, "at least one line of rules"),
         (HEAD + "glass,0.5\n", "3 cells"),
         (HEAD + "wood,0.5,bin\n", "a class among aluminium, ball, cube, glass, plastic"),

@@ -8,8 +8,9 @@
 A column `target` may stand beside: a line then holds for that label alone. A class may have
 several lines: that with the largest confidence which is reached counts. `*` is each class that
 has no line of its own, UNKNOWN a class like any other but for `*`. What no line is for gives no
-action. An action is a word for another program or a person: nothing is moved by it here. Knows
-nothing about models, sources or sockets.
+action. An action is a word for another program or a person: nothing is moved by it here. A column
+`alarm` may stand beside, too: warning or danger, or nothing. Knows nothing about models, sources or
+sockets.
 
 Background of our choices: docs/decisions/0046.
 """
@@ -21,6 +22,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from taxel.actions.alarm import Level
 from taxel.decisions.recognition import UNKNOWN
 from taxel.errors import BadTable
 from taxel.foreign.files import MIB
@@ -29,7 +31,7 @@ from taxel.foreign.text_rows import rows_of
 ANY = "*"
 """In the column class: each that has no line of its own."""
 _COLUMNS = ("class", "least_confidence", "action")
-_TARGET = "target"
+_TARGET, _ALARM = "target", "alarm"
 _LONGEST = 64
 """Characters of an action. Source: our choice; it is shown on the page and read aloud."""
 
@@ -45,6 +47,8 @@ class Rule:
     action: str
     target: str = ""
     """The label that it is about; empty for all."""
+    alarm: Level | None = None
+    """The alarm that is on while this is the newest answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +57,18 @@ class RuleTable:
 
     rules: tuple[Rule, ...]
 
+    @property
+    def alarms(self) -> bool:
+        """True where a line raises an alarm, which a station alone can show."""
+        return any(rule.alarm is not None for rule in self.rules)
+
     def action(self, target: str, label: str, confidence: float | None) -> str:
-        """Return the action for an answer; empty where no line of the table fits.
+        """Return the action for an answer; empty where no line of the table fits: see `rule`."""
+        found = self.rule(target, label, confidence)
+        return "" if found is None else found.action
+
+    def rule(self, target: str, label: str, confidence: float | None) -> Rule | None:
+        """Return the line that holds for an answer; None where none does.
 
         Args:
             target: What was recognised, such as "material".
@@ -67,7 +81,7 @@ class RuleTable:
         if not own and label != UNKNOWN:
             own = [rule for rule in about if rule.label == ANY]
         reached = [rule for rule in own if sure >= rule.least]
-        return max(reached, key=lambda rule: rule.least).action if reached else ""
+        return max(reached, key=lambda rule: rule.least, default=None)
 
 
 def read_rules(path: Path | str, known: Mapping[str, Sequence[str]]) -> RuleTable:
@@ -84,9 +98,10 @@ def read_rules(path: Path | str, known: Mapping[str, Sequence[str]]) -> RuleTabl
     """
     rows = rows_of(Path(path), MIB)
     header = [cell.strip() for cell in rows[0][1]] if rows else []
-    if sorted(header) not in (sorted(_COLUMNS), sorted((*_COLUMNS, _TARGET))):
+    more = sorted(set(header) - set(_COLUMNS))
+    if sorted(header) != sorted((*_COLUMNS, *more)) or not {_TARGET, _ALARM}.issuperset(more):
         raise BadTable(
-            "a first line class,least_confidence,action, and target where wanted",
+            "a first line class,least_confidence,action, and target and alarm where wanted",
             f"{','.join(header) or 'nothing'} in {path}", "mend the first line",
         )  # fmt: skip
     if not rows[1:]:
@@ -141,4 +156,11 @@ def _rule(cells: Mapping[str, str], known: Mapping[str, Sequence[str]], where: s
             f"least_confidence 0 for {UNKNOWN}, which has no confidence",
             f"{least:g} in {where}", "write 0",
         )  # fmt: skip
-    return Rule(label=label, least=least, action=action, target=target)
+    alarm = cells.get(_ALARM, "")
+    if alarm not in ("", *Level):
+        raise BadTable(
+            f"an alarm that is {' or '.join(Level)}, or nothing", f"{alarm!r} in {where}",
+            "mend the line",
+        )  # fmt: skip
+    level = Level(alarm) if alarm else None
+    return Rule(label=label, least=least, action=action, target=target, alarm=level)

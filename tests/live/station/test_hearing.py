@@ -13,6 +13,7 @@ from typing import Any, cast
 
 import pytest
 
+from taxel.actions.alarm import Level
 from taxel.actions.rule_table import Rule, RuleTable
 from taxel.gel.slip_signal import Slip
 from taxel.live.station.answers import Answers
@@ -218,6 +219,26 @@ def test_an_action_is_an_event_once_until_another_answer(make: Any):
     assert [text for text in rig.words if "bin" in text] == ["shape ball 0.90: left bin"]
     assert rig.station.answers.newest()[0]["action"] == ""
     assert rig.station.answers.summary()[0]["answers"] == {"ball": 3, "cube": 1}
+
+
+def test_a_rules_alarm_is_on_while_its_answer_is_the_newest_and_waits_for_a_person(make: Any):
+    """Acknowledged and over, the next such answer is a new alarm: it must be heard again."""
+    rules = RuleTable((Rule(label="ball", least=0.5, action="stop", alarm=Level.DANGER),))
+    rig, kind = make(rules=rules), f"answer of {RECOGNISER['who']}"
+
+    def hear(label: str, now_s: float) -> Any:
+        rig.monitor.put(answer(label, 0.9 if label != "UNKNOWN" else None))
+        rig.hear(now_s)
+        return rig.alarm(kind)
+
+    assert hear("cube", 1.0) is None
+    first = hear("ball", 2.0)
+    assert (first.level, first.text, first.on) == (Level.DANGER, "shape ball: stop", True)
+    over = hear("UNKNOWN", 3.0)
+    assert (over.on, over.acknowledged) == (False, False)
+    rig.station.acknowledge()
+    assert rig.alarm(kind) is None
+    assert hear("ball", 4.0).number > first.number
 
 
 def test_cameras_of_another_grasp_that_are_in_time_do_not_end_the_alarm_of_a_late_one(make: Any):

@@ -60,17 +60,27 @@ class RealTrial:
 
 def real_gel_rows(data: Path | None) -> list[Row]:
     """Watch all trials of gelsight-slip: a quarter of an hour of two cores."""
-    folder = None if data is None else data / "gelsight-slip"
-    if folder is None or not folder.exists():
+    folder = trials_folder(data)
+    if folder is None:
         why = "no recordings: name their folder with --data"
         return [missing(f"{name} on real gels: trials that slip with an alarm", "share", "", why)
                 for name in WARNINGS]  # fmt: skip
     with TemporaryDirectory() as place:
-        recordings = Path(place) / "real"
-        run_verb("import", "gelsight-slip", "--data", str(folder), "--output", str(recordings),
-                 "--json")  # fmt: skip
-        files = sorted(recordings.glob("*.mcap"))
+        files = import_trials(folder, Path(place) / "real")
         return judge_rows(side_by_side(watch_trial, [(file,) for file in files]))
+
+
+def trials_folder(data: Path | None) -> Path | None:
+    """Return where gelsight-slip lies; None where it does not."""
+    folder = None if data is None else data / "gelsight-slip"
+    return folder if folder is not None and folder.exists() else None
+
+
+def import_trials(folder: Path, recordings: Path) -> list[Path]:
+    """Return the recordings of gelsight-slip, which are written to a folder, by name."""
+    run_verb("import", "gelsight-slip", "--data", str(folder), "--output", str(recordings),
+             "--json")  # fmt: skip
+    return sorted(recordings.glob("*.mcap"))
 
 
 def watch_trial(path: Path) -> RealTrial:
@@ -100,11 +110,12 @@ def watch_trial(path: Path) -> RealTrial:
     )
 
 
-def judge_rows(trials: Sequence[RealTrial]) -> list[Row]:
+def judge_rows(trials: Sequence[RealTrial], names: Sequence[str] = WARNINGS) -> list[Row]:
     """Return, of each warning, the shares of trials with an alarm and how its score ranks them.
 
     Args:
         trials: Some that slip and some that hold.
+        names: Of the warnings.
     """
     from sklearn.metrics import roc_auc_score
 
@@ -112,7 +123,7 @@ def judge_rows(trials: Sequence[RealTrial]) -> list[Row]:
     objects = np.array([trial.object for trial in trials])
     length = roc_auc_score(slips, [-trial.images for trial in trials])
     rows: list[Row] = []
-    for name in WARNINGS:
+    for name in names:
         own = [trial.watched[name] for trial in trials]
         alarm, early = (
             np.array([getattr(watched, kind) for watched in own]) for kind in ("alarm", "early")

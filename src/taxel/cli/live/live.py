@@ -61,8 +61,9 @@ class Live:
     """Another source to run beside the first, such as a hand beside a pair of cameras; each
     bundle goes to the first source that it fits. May be given several times."""
     rules: Path | None = None
-    """Table (CSV) with the columns class, least_confidence (0…1) and action. The action for each
-    answer is shown, and with --tell sent with the class and its confidence."""
+    """Table (CSV) with the columns class, least_confidence (0…1) and action, where wanted also
+    target and alarm (warning or danger). The action for each answer is shown, and with --tell sent
+    with the class and its confidence; its alarm is on while it is the newest."""
     page: PageAddress = None
     """Serve the operator's page, at HOST:PORT or else at 127.0.0.1 and a free port; the address is
     printed. Any other host than 127.0.0.1 opens the page to the network."""
@@ -128,7 +129,7 @@ class Live:
         if self.rules is not None:
             rules = read_rules(self.rules, _known_classes(files, trust))
         cameras = any(is_grasp_bundle(file) or is_trial_bundle(file) for file in files)
-        station = self._needs_station() or (len(files) > 1 and cameras)
+        station = self._needs_station() or rules.alarms or (len(files) > 1 and cameras)
         if any(map(is_grasp_bundle, files)) or (station and cameras):
             self._refuse_footage()
         if station:

@@ -6,9 +6,11 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from typing import Any
 
+from taxel.actions.alarm import Level
 from taxel.actions.rule_table import RuleTable
 from taxel.decisions.reasons import REASONS, in_words
 from taxel.decisions.recognition import UNKNOWN
+from taxel.live.station.guard import Guard
 
 _NO_RULES = RuleTable(())
 
@@ -55,10 +57,13 @@ class Answers:
         """Take in one window's answer.
 
         Returns:
-            The answer with its action, and where that is a new one, words for a person.
+            The answer with its action and the level of its alarm, empty without one; and where the
+            action is a new one, words for a person.
         """
         sure = note["grasp_confidence"]
-        note = note | {"action": self._rules.action(note["target"], note["grasp"], sure)}
+        rule = self._rules.rule(note["target"], note["grasp"], sure)
+        level = "" if rule is None or rule.alarm is None else str(rule.alarm)
+        note = note | {"action": "" if rule is None else rule.action, "alarm": level}
         before = self._newest.get(note["who"], {}).get("action", "")
         self._newest[note["who"]] = note
         if note.get("last", True):  # of a camera trial the last verdict alone counts
@@ -111,6 +116,22 @@ class Answers:
             "actions": dict(self._actions[who].most_common()),
             "level": self._level_words.get(who),
         }  # fmt: skip
+
+
+def weigh_alarm(guard: Guard, answer: dict[str, Any], now_s: float) -> None:
+    """Let a rule's alarm be on while its answer is the newest; then it waits for a person.
+
+    Args:
+        guard: Holds the alarms.
+        answer: As `Answers.add` gives it.
+        now_s: Monotonic seconds.
+    """
+    kind = f"answer of {answer['who']}"
+    if not answer["alarm"]:
+        guard.over(kind, now_s)
+        return
+    text = f"{answer['target']} {answer['grasp']}: {answer['action']}"
+    guard.trouble(kind, text, now_s, danger=answer["alarm"] == Level.DANGER)
 
 
 def _as_shown(title: str, note: dict[str, Any]) -> dict[str, Any]:

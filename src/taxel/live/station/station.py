@@ -24,7 +24,7 @@ from taxel.clock import asleep_s
 from taxel.decisions.reasons import kind_of
 from taxel.decisions.stability import Stability
 from taxel.live.station.alarm_watch import AlarmWatch, watch
-from taxel.live.station.answers import Answers
+from taxel.live.station.answers import Answers, weigh_alarm
 from taxel.live.station.beats import Beats, Work
 from taxel.live.station.driving import Driving
 from taxel.live.station.guard import NO_GRASP, Guard
@@ -348,6 +348,7 @@ class Station:
             self.say(note["text"])
         else:
             answer, news = self.answers.add(note)
+            weigh_alarm(self.guard, answer, now_s)
             self.driving.recognised(answer)
             if news:
                 self._happened(now_s, news)
