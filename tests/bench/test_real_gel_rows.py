@@ -1,11 +1,23 @@
 """Rows on real gels: alarms by trial, of those that slip and of those that hold."""
 
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from taxel.bench.transitions import real_recogniser
 from taxel.bench.transitions.real_gels import (
     WARNINGS,
     RealTrial,
     Watched,
     judge_rows,
     real_gel_rows,
+)
+from taxel.bench.transitions.real_recogniser import (
+    RECOGNISER,
+    folds_table,
+    object_folds,
+    recogniser_alarm_rows,
 )
 
 
@@ -37,3 +49,30 @@ def test_without_recordings_there_is_no_value(tmp_path):
         rows = real_gel_rows(data)
         assert [row.value for row in rows] == [None] * len(WARNINGS)
         assert rows[0].note == "no recordings: name their folder with --data"
+
+
+def test_each_trial_is_tested_once_by_a_recogniser_that_saw_nothing_of_its_object(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    files = [Path(f"object{n % 10}-{n}.mcap") for n in range(40)]
+    monkeypatch.setattr(real_recogniser, "read_manifest", lambda path: SimpleNamespace(
+        labels={"outcome": "slip" if int(path.stem[6]) % 2 else "hold"},
+        groups={"object": path.stem[:7]},
+    ))  # fmt: skip
+    folds = object_folds(files)
+    assert sorted(file for fold in folds for file in fold) == sorted(files)
+    for tested in folds:
+        lines = folds_table(files, tested).splitlines()
+        assert lines[0] == "recording,side"
+        sides = dict(line.split(",") for line in lines[1:])
+        assert len(sides) == len(files)
+        objects = {name[:7]: side for name, side in sides.items()}
+        assert all(objects[name[:7]] == side for name, side in sides.items())
+        assert set(sides.values()) == {"train", "test"}
+
+
+def test_a_recogniser_without_recordings_has_no_value(tmp_path: Path):
+    for data in (None, tmp_path):
+        (row,) = recogniser_alarm_rows(data)
+        assert row.value is None
+        assert row.name.startswith(RECOGNISER)

@@ -37,7 +37,7 @@ class Rig:
         self.clock, self.looks = ManualClock(100.0), 0
         self._sent: list[bytes] = []
         self._number = 0
-        self.pulse = SimpleNamespace(dropped=0, beat=self._beat)
+        self.pulse = SimpleNamespace(dropped=0, beat=self._beat, stopping=False)
         self.patience_s: list[float] = []
         bundle = SimpleNamespace(contract=CONTRACT)
         patch.setattr(trial_watcher, "read_trial_bundle", lambda *_: bundle)
@@ -172,6 +172,16 @@ def test_without_its_camera_nothing_is_known_of_a_trial(rig: Rig):
     assert "gel" in note["reason"]
     rig.watcher.silent(105.1)
     assert rig.notes() == []
+
+
+def test_a_station_that_ends_before_its_source_gives_a_verdict_on_what_was_seen(rig: Rig):
+    """The source is silent first: for a moment its cameras seemed to be gone."""
+    rig.one_by_one(12)
+    rig.pulse.stopping = True
+    rig.watcher.silent(105.0)
+    rig.watcher.end()
+    whole, _ = rig.notes()
+    assert whole["label"] == "slip"
 
 
 def test_the_station_counts_whole_trials_alone(rig: Rig):

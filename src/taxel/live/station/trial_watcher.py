@@ -90,8 +90,11 @@ class TrialWatcher:
                 self._finish(None)
 
     def silent(self, now_s: float) -> None:
-        """Look at the age of what came last: without a camera nothing is known of the trial."""
-        self._show(self._watch.at(now_s))
+        """Look at the age of what came last: without a camera nothing is known of the trial. Where
+        the station ends, its sources end first: no camera is gone then.
+        """
+        if self._pulse is None or not self._pulse.stopping:
+            self._show(self._watch.at(now_s))
 
     def end(self) -> None:
         """Give the verdict on the trial under way: nothing more comes."""
