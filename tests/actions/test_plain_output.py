@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from waiting import until
 
 from taxel.actions.actuators import OutputActuator, hear_all
+from taxel.actions.answer_output import recognised_of
 from taxel.actions.interlock import (
     Interlock,
     InterlockConfig,
@@ -90,8 +91,16 @@ def test_what_is_recognised_goes_out_with_its_confidence_and_its_action() -> Non
         "window_label": "UNKNOWN",
         "window_confidence": None,
         "reason": "the model gave NaN",
+        "whole_trial": None,
     }
     assert (second["schema"], second["sequence"]) == ("taxel-action-1", 2)
+
+
+@pytest.mark.parametrize("last", [True, False])
+def test_a_verdict_on_a_camera_trial_says_whether_the_trial_is_over(last: bool) -> None:
+    sent = recognised_of(ANSWER | {"last": last}, sequence=1, now_s=10.0)
+
+    assert json.loads(sent.as_json())["whole_trial"] is last
 
 
 def test_a_function_that_fails_on_an_answer_is_counted_and_stops_nothing() -> None:

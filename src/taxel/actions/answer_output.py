@@ -1,6 +1,6 @@
 """What is recognised, for another program: the class, its confidence, and the action for it.
 
-One datagram a window, UTF-8, one JSON object:
+One datagram a window, or a verdict on a camera trial, UTF-8, one JSON object:
 
     schema             "taxel-answer-1"
     sequence           counts datagrams from 1, those of other schemas too; a hole is a lost one
@@ -14,6 +14,8 @@ One datagram a window, UTF-8, one JSON object:
     window_label       the class by this window alone, or UNKNOWN
     window_confidence  its probability, 0…1; null where the window cannot be used
     reason             why the window is UNKNOWN; empty otherwise
+    whole_trial        true for the verdict on a camera trial that is over, false for one that may
+                       still change; null for windows of an array
 
 Knows nothing about sockets, models or rules.
 
@@ -45,6 +47,7 @@ class Recognised:
     window_label: str
     window_confidence: float | None
     reason: str
+    whole_trial: bool | None = None
     schema: str = SCHEMA
 
     def as_json(self) -> bytes:
@@ -71,6 +74,7 @@ def recognised_of(answer: Mapping[str, Any], sequence: int, now_s: float) -> Rec
         window_label=str(answer["label"]),
         window_confidence=finite_number(answer.get("confidence")),
         reason=str(answer.get("reason", "")),
+        whole_trial=bool(answer["last"]) if "last" in answer else None,
     )
 
 
