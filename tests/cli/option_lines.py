@@ -56,6 +56,7 @@ LINES: dict[str, tuple[str, ...]] = {
         "label a.mcap",
         "label folder",
         "label a.mcap --onset 1",
+        "label folder --onsets o.csv",
         "label folder --intervals i.csv --output l",
     ),
     "split": ("split d", "split d --recipe array", "split d --split order:trial:3"),

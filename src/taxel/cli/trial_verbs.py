@@ -26,9 +26,9 @@ def verb_for_data(verb: str, words: Sequence[str]) -> str:
     if verb not in VERBS_OF_TRIALS:
         return verb
     paths = [Path(word) for word in words if not word.startswith("-")]
-    if any(of_trials(path) for path in paths):
-        return VERBS_OF_TRIALS[verb]
-    return verb
+    if any(watches_grasps(path) for path in paths):  # scored on the same recordings, by `evaluate`
+        return verb
+    return VERBS_OF_TRIALS[verb] if any(of_trials(path) for path in paths) else verb
 
 
 def takes_option(verb: str, option: str) -> bool:
@@ -73,6 +73,19 @@ def _options(verb: str) -> set[str]:
     own = TrainTrials if verb == "train-trials" else EvaluateTrials
     names = {field.name for kind in (own, TrialOptions, WorkOptions) for field in fields(kind)}
     return {name.replace("_", "-") for name in names}
+
+
+def watches_grasps(path: Path) -> bool:
+    """Return whether a path is a bundle that watches a grasp, such as slip-both-gels."""
+    from taxel.bundles.envelope import is_grasp_bundle
+    from taxel.bundles.shipped import find_bundle
+    from taxel.errors import BadBundle
+
+    try:
+        bundle = find_bundle(path)
+        return bundle.is_file() and is_grasp_bundle(bundle)
+    except (BadBundle, OSError, ValueError):  # a former name, or no path
+        return False
 
 
 def of_trials(path: Path) -> bool:

@@ -6,12 +6,14 @@ Knows nothing about models.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 from taxel.clock import Clock
-from taxel.errors import BadSource
+from taxel.errors import BadRecording, BadSource
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import (
     iterate_blocks,
@@ -22,6 +24,10 @@ from taxel.recordings.reader import (
 from taxel.signals import Mark, Samples
 from taxel.sources.paced_source import PacedSource
 from taxel.sources.pacing import FrameStream, Pacer, Stretch, read_speed
+
+_AHEAD_S: Final = 5.0
+"""How far marks are looked for ahead of the scans, seconds: a recorder writes a simulated grasp's
+when the next one begins. Source: our choice, docs/decisions/0006."""
 
 
 class Replay(PacedSource):
@@ -67,18 +73,33 @@ class Replay(PacedSource):
 
 
 def _stretches(path: Path, manifest: Manifest) -> Iterator[Stretch]:
+    """Yield a recording's scans, and its marks `_AHEAD_S` before them: a mark is written once it is
+    over, behind scans that are of the next trial.
+    """
     first_s, last_s = math.inf, -math.inf
     marked = not manifest.labels
-    for block in iterate_blocks(path):
-        times_s = [frame.fitted_s for frame in block.frames]
-        if len(block.samples):
-            times_s += [float(block.samples.fitted_s[0]), float(block.samples.fitted_s[-1])]
-        first_s, last_s = min([first_s, *times_s]), max([last_s, *times_s])
-        marked = marked or bool(block.marks)
-        yield block.samples, [_labelled(mark, manifest) for mark in block.marks]
+    held: deque[tuple[float, Samples]] = deque()
+    channels = len(manifest.sensor.channels)
+    none, ahead_s = Samples.empty(channels), _AHEAD_S if channels else 0.0
+    try:
+        for block in iterate_blocks(path):
+            times_s = [frame.fitted_s for frame in block.frames]
+            if len(block.samples):
+                times_s += [float(block.samples.fitted_s[0]), float(block.samples.fitted_s[-1])]
+            first_s, last_s = min([first_s, *times_s]), max([last_s, *times_s])
+            marked = marked or bool(block.marks)
+            held.append((last_s, block.samples))
+            if block.marks:
+                yield none, [_labelled(mark, manifest) for mark in block.marks]
+            while held and held[0][0] <= last_s - ahead_s:
+                yield held.popleft()[1], []
+    except BadRecording:  # what lies before the damage is given first
+        yield from ((samples, []) for _, samples in held)
+        raise
+    yield from ((samples, []) for _, samples in held)
     if last_s >= first_s and not marked:
         whole = Mark(start_s=first_s, end_s=last_s, labels={})
-        yield Samples.empty(len(manifest.sensor.channels)), [_labelled(whole, manifest)]
+        yield none, [_labelled(whole, manifest)]
 
 
 def _labelled(mark: Mark, manifest: Manifest) -> Mark:

@@ -43,8 +43,9 @@ class Evaluate:
     """
 
     data: tyro.conf.Positional[Path]
-    """A folder of recordings of an array, a table (CSV) of camera trials, or a bundle, NAME.taxel,
-    which runs on the processor, or on the device that $TAXEL_DEVICE names, such as cuda."""
+    """A folder of recordings of an array, a table (CSV) of camera trials, or a bundle: NAME.taxel,
+    or slip-both-gels, cup-pour or slip-rule. It runs on the processor, or on the device that
+    $TAXEL_DEVICE names, such as cuda."""
     recordings: tyro.conf.Positional[Path | None] = None
     """With a bundle: the recordings to score it on."""
     split: str | None = None
@@ -99,10 +100,17 @@ class Evaluate:
 
     def run(self) -> None:
         """Measure and print."""
-        from taxel.bundles.envelope import need_bundle
+        from taxel.bundles.envelope import is_grasp_bundle, need_bundle
+        from taxel.bundles.shipped import find_bundle
 
-        if _is_bundle_file(self.data):
-            _evaluate_bundle(self.data, self.recordings, self.folds, as_json=self.json)
+        bundle = find_bundle(self.data)
+        if _is_bundle_file(bundle):
+            if is_grasp_bundle(bundle):
+                from taxel.cli.evaluation.grasp_bundle import evaluate_grasp_bundle
+
+                evaluate_grasp_bundle(bundle, self.recordings, self.folds, as_json=self.json)
+                return
+            _evaluate_bundle(bundle, self.recordings, self.folds, as_json=self.json)
             return
         if self.recordings is not None:
             if not self.data.exists():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -29,8 +30,8 @@ class Label:
     With --intervals and --output it writes labelled copies of an array's recordings: each
     interval becomes a mark, and so a trial. Without, it shows when each grasp before cameras
     turned unstable, by rule, and how far the rules agree; with --onset, --frame or --stable it
-    writes a person's correction of one rule on one recording, beside the recording as
-    NAME.labels.json, which overrides the rule from then on.
+    writes a person's correction of one rule on one recording, with --onsets those of many, beside
+    each recording as NAME.labels.json, which overrides the rule from then on.
     """
 
     path: tyro.conf.Positional[Path]
@@ -46,6 +47,9 @@ class Label:
     rule: str = "change"
     """Rule that is shown and corrected: change (the paper's, from images), micro-slip, slip,
     gross-slip or drop (from the simulator's ground truth)."""
+    onsets: Path | None = None
+    """Correct: a table (CSV) with the columns file and onset_s (or frame), and author and note
+    where wanted; an empty onset says that the grasp was stable throughout."""
     onset: float | None = None
     """Correct: first unstable moment, seconds after the recording's first frame."""
     frame: int | None = None
@@ -68,7 +72,11 @@ class Label:
 
     RULES: ClassVar = (
         Only(("cache",), "no --intervals", lambda o: o.intervals is None),
-        Only(("onset", "frame", "stable", "clear"), "no --intervals", lambda o: not o.intervals),
+        Only(
+            ("onset", "onsets", "frame", "stable", "clear"),
+            "no --intervals",
+            lambda o: not o.intervals,
+        ),
     )
 
     def run(self) -> None:
@@ -102,9 +110,13 @@ class Label:
             sheet = label_sheet(
                 pours, self.cache or default_cache(), lambda _: bar.update(task, advance=1)
             )
-        done = self._correct(pours[0]) if self._asked() else ""
+        done = ""
+        if self.onsets is not None:
+            done = self._correct_many(self.onsets, pours)
+        elif self._asked():
+            done = self._correct(pours[0])
         if done:
-            sheet = [replace(sheet[0], corrections=corrections_of(pours[0]))]
+            sheet = [replace(own, corrections=corrections_of(own.pour)) for own in sheet]
         if self.plot is not None:
             self._draw(self.plot, sheet[0])
         if self.json:
@@ -151,7 +163,8 @@ class Label:
 
     def _asked(self) -> list[str]:
         given = {"--onset": self.onset is not None, "--frame": self.frame is not None,
-                 "--stable": self.stable, "--clear": self.clear}  # fmt: skip
+                 "--stable": self.stable, "--clear": self.clear,
+                 "--onsets": self.onsets is not None}  # fmt: skip
         return [name for name, asked in given.items() if asked]
 
     def _check_options(self) -> None:
@@ -167,16 +180,18 @@ class Label:
             raise BadInput("--intervals without options of grasps before cameras", "both kinds",
                            "label first, or correct first")  # fmt: skip
         if len(asked) > 1:
-            raise BadInput("one of --onset, --frame, --stable and --clear", " and ".join(asked),
+            raise BadInput("one of --onset, --frame, --stable, --clear and --onsets",
+                           " and ".join(asked),
                            "choose one")  # fmt: skip
-        if (self.author or self.note) and (not asked or self.clear):
+        if (self.author or self.note) and (not asked or self.clear or self.onsets):
             raise BadInput(
                 "--author and --note beside --onset, --frame or --stable",
                 asked[0] if asked else "none of these",
                 "say what is corrected",
             )
-        if (asked or self.plot is not None) and self.path.is_dir():
-            raise BadInput(f"one recording for {asked[0] if asked else '--plot'}",
+        single = [name for name in asked if name != "--onsets"]
+        if (single or self.plot is not None) and self.path.is_dir():
+            raise BadInput(f"one recording for {single[0] if single else '--plot'}",
                            f"the folder {self.path}", "name one of its files")  # fmt: skip
         if self.plot is not None:
             need_figures(self.plot)
@@ -204,6 +219,24 @@ class Label:
             "stable throughout" if self.stable else f"unstable from {correction.onset_s:.3f} s"
         )
         return f"{path}: {verdict} by {self.rule}"
+
+    def _correct_many(self, table: Path, pours: Sequence[CameraRecording]) -> str:
+        """Write a table's corrections, all of which are checked before; return a line on it."""
+        from taxel.labels.corrections import read_corrections, write_correction
+        from taxel.labels.onset_table import read_onsets
+        from taxel.training.frames.labels import duration_of
+
+        found = read_onsets(table, self.rule, {pour.name: pour.time_s for pour in pours})
+        own = [pour for pour in pours if pour.name in found]
+        for pour in own:  # what is there already must be readable, too
+            read_corrections(pour.path, duration_of(pour))
+        for pour in own:
+            write_correction(pour.path, found[pour.name], duration_of(pour))
+        stable = sum(correction.onset_s is None for correction in found.values())
+        return (
+            f"{number_of(len(found), 'recording')} corrected for {self.rule}: "
+            f"{len(found) - stable} unstable from an onset on, {stable} stable throughout"
+        )
 
     def _draw(self, path: Path, labels: PourLabels) -> None:
         from taxel.views.figures.labels import label_figure

@@ -1,0 +1,57 @@
+"""`taxel evaluate` with a bundle that watches a grasp: its alarms on recordings of cameras."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+from taxel.cli.printing import console, print_json, progress
+from taxel.errors import BadInput
+
+
+def evaluate_grasp_bundle(
+    bundle: Path, folder: Path | None, folds: Path | None, *, as_json: bool
+) -> None:
+    """Score a bundle that watches a grasp on recordings and print it.
+
+    Args:
+        bundle: The bundle's file.
+        folder: Recordings of tactile cameras, whose outcome is known.
+        folds: Refused: a warning has no folds.
+        as_json: Print JSON instead of a table.
+
+    Raises:
+        BadInput: No folder is named, a table of folds is, or $TAXEL_DEVICE is not there.
+        BadBundle: The bundle cannot be used, or was not made for such cameras.
+        BadDataset: Of no grasp it is known whether it held.
+    """
+    from taxel.evaluation.early_warning.bundle_warnings import judged, summed
+    from taxel.jobs.running import side_by_side
+    from taxel.live.whole_grasps import watch_grasps
+    from taxel.models.devices import asked_device
+    from taxel.plain_text import finite
+    from taxel.recordings.reader import list_recordings
+    from taxel.views.tables.grasp_scores import grasp_score_table
+
+    name = bundle.stem
+    if folder is None:
+        raise BadInput(
+            f"recordings to score {name} on", "none", f"taxel evaluate {name} RECORDINGS"
+        )
+    if folds is not None:
+        raise BadInput("a bundle of an array beside --folds", "one that watches grasps",
+                       "leave it out")  # fmt: skip
+    device = asked_device()
+    files = list_recordings(folder)
+    with progress() as bar:
+        task = bar.add_task(f"watching with {name}", total=len(files))
+        tracks = side_by_side(
+            watch_grasps, [(bundle, file, device) for file in files],
+            lambda _: bar.update(task, advance=1),
+        )  # fmt: skip
+    found = [judged(file, own) for file, own in zip(files, tracks, strict=True)]
+    score = summed([grasp for grasps in found for grasp in grasps], folder)
+    if as_json:
+        print_json(dict(finite(asdict(score) | {"bundle": name, "data": str(folder)})))
+        return
+    console.print(grasp_score_table(score, name, str(folder)))
