@@ -84,3 +84,23 @@ def ratio_interval(
     drawn = draw_clusters(len(part), seed)
     sums, totals = part[drawn].sum(axis=1), whole[drawn].sum(axis=1)
     return percentile_interval(sums[totals != 0] / totals[totals != 0])
+
+
+def at_least_exact(interval: Interval, hits: int, total: int) -> Interval:
+    """Return a share's 95 % interval, at least as wide as the exact binomial one.
+
+    Where all or none succeed, resampling says nothing; runs beside each other are not independent,
+    so that the binomial alone would say too much.
+
+    Args:
+        interval: By resampling whole clusters; NaN where there is none.
+        hits: Successes.
+        total: Of so many, above 0.
+
+    Source: Clopper and Pearson, Biometrika 26 (1934) 404.
+    """
+    from scipy.stats import beta
+
+    low = float(beta.ppf(0.025, hits, total - hits + 1)) if hits else 0.0
+    high = float(beta.ppf(0.975, hits + 1, total - hits)) if hits < total else 1.0
+    return float(np.fmin(interval[0], low)), float(np.fmax(interval[1], high))

@@ -87,6 +87,9 @@ def test_a_persons_onset_gives_lead_and_misses_and_wins_over_the_outcome(
 
     assert (found.held, found.slipped, found.timed) == (1, 2, 2)
     assert found.missed_share == 0.5
+    low, high = found.missed_interval
+    assert low < 0.02
+    assert high > 0.98  # one of two
     assert found.lead_median_s == pytest.approx(0.0, abs=1 / SECOND)  # 0.5 s before, 0.5 after
 
 

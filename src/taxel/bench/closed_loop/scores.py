@@ -14,11 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import beta
 
 from taxel.errors import BadInput
 from taxel.evaluation.early_warning.events import share_of
-from taxel.evaluation.intervals import Interval, ratio_interval
+from taxel.evaluation.intervals import Interval, at_least_exact, ratio_interval
 from taxel.live.closed_loop import LoopTrack
 
 PERSON_S = 0.5
@@ -141,17 +140,10 @@ def _slip_to_raise_s(cases: Sequence[LoopCase]) -> float:
 def _interval(
     cups: NDArray[np.intp], part: NDArray[np.bool_], whole: NDArray[np.bool_], seed: int
 ) -> Interval:
-    """Return a 95 % interval of a share: the wider of resampled cups and exact binomial.
-
-    Where all or none succeed, resampling says nothing; cups beside each other are not
-    independent, so that the binomial alone would say too much.
-    """
+    """Return a 95 % interval of a share: the wider of resampled cups and exact binomial."""
     if not whole.any():
         return float("nan"), float("nan")
     members = [np.flatnonzero(cups == cup) for cup in np.unique(cups)]
     counts = np.array([[part[rows].sum(), whole[rows].sum()] for rows in members])
-    low, high = ratio_interval(counts[:, 0], counts[:, 1], seed)
-    hits, total = int(part.sum()), int(whole.sum())
-    exact_low = float(beta.ppf(0.025, hits, total - hits + 1)) if hits else 0.0
-    exact_high = float(beta.ppf(0.975, hits + 1, total - hits)) if hits < total else 1.0
-    return float(np.fmin(low, exact_low)), float(np.fmax(high, exact_high))
+    resampled = ratio_interval(counts[:, 0], counts[:, 1], seed)
+    return at_least_exact(resampled, int(part.sum()), int(whole.sum()))

@@ -39,7 +39,8 @@ OF_A_RECIPE = (
 class Evaluate:
     """Cross-validate a recipe on recordings of an array, or score a bundle on them.
 
-    Prints accuracy by window, trial, class and group, with trivial baselines beside it.
+    Prints accuracy by window, trial, class and group, with trivial baselines beside it; of a bundle
+    that watches grasps, its false alarms, misses and leads.
     """
 
     data: tyro.conf.Positional[Path]

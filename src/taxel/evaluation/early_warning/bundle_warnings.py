@@ -27,6 +27,7 @@ from taxel.evaluation.early_warning.events import (
     poisson_interval,
     summarise,
 )
+from taxel.evaluation.intervals import at_least_exact
 from taxel.evaluation.rank_area import area
 from taxel.evaluation.transitions.data import truth_moments
 from taxel.labels.corrections import read_corrections
@@ -86,12 +87,13 @@ class GraspScores:
     """Of these, without an alarm before, 0…1; NaN without any. The warning may come up to 2 s
     before the onset."""
     missed_interval: tuple[float, float]
+    """The wider of clusters resampled and exact binomial."""
     lead_median_s: float
     """Alarm before the slip, of those with an alarm; NaN without any."""
     lead_p5_s: float
     lead_interval_s: tuple[float, float]
     cluster: str
-    """Group that these intervals are resampled by: 95 %."""
+    """Group that intervals of misses and leads are resampled by: 95 %."""
     area: float
     """AUC of the largest score, slipped against held; NaN where one of them lacks."""
     length_area: float
@@ -208,7 +210,13 @@ def summed(grasps: Sequence[WatchedGrasp], folder: Path) -> GraspScores:
         slipped_alarmed=sum(grasp.alarmed for grasp in slipped),
         timed=len(timed),
         missed_share=float("nan") if events is None else events.missed_share,
-        missed_interval=nothing if events is None or not timed else events.missed_interval,
+        missed_interval=(
+            nothing
+            if events is None or not timed
+            else at_least_exact(
+                events.missed_interval, sum(outcome.missed for outcome in timed), len(timed)
+            )
+        ),
         lead_median_s=float("nan") if events is None else events.lead_median_s,
         lead_p5_s=float("nan") if events is None else events.lead_p5_s,
         lead_interval_s=nothing if events is None or not timed else events.lead_interval_s,

@@ -25,12 +25,10 @@ def grasp_score_table(found: GraspScores, bundle: str, data: str) -> RenderableT
         data: Where the recordings lie.
     """
     title = f"{visible(bundle)} on {visible(data)}: {number_of(found.grasps, 'grasp')}"
-    table: Table = result_table(title, ("grasps", "number", "with an alarm", ""))
-    table.add_row("held", str(found.held), _of(found.held_alarmed, found.held), _false(found))
-    table.add_row(
-        "slipped", str(found.slipped), _of(found.slipped_alarmed, found.slipped), _lead(found)
-    )
-    lines = []
+    table: Table = result_table(title, ("", "grasps", "with an alarm"))
+    table.add_row("held", str(found.held), _of(found.held_alarmed, found.held))
+    table.add_row("slipped", str(found.slipped), _of(found.slipped_alarmed, found.slipped))
+    lines = [*_false(found), *_lead(found)]
     if not math.isnan(found.area):
         lines.append(
             f"AUC, slipped against held: largest score {found.area:.3f}; baseline, the shorter "
@@ -38,9 +36,7 @@ def grasp_score_table(found: GraspScores, bundle: str, data: str) -> RenderableT
         )
     if found.slipped > found.timed:
         unknown = number_of(found.slipped - found.timed, "grasp")
-        lines.append(
-            f"of {unknown} it is not known when it slipped: no lead (taxel label --onsets TABLE)"
-        )
+        lines.append(f"no lead of {unknown}: when it slipped is not known (taxel label --onsets)")
     lines.append(f"state UNKNOWN in {100 * found.unknown_share:.1f} % of the time")
     lines += [
         f"left out: {number_of(count, 'grasp')} with "
@@ -54,23 +50,27 @@ def _of(count: int, of: int) -> str:
     return f"{count} ({100 * count / of:.0f} %)" if of else "–"
 
 
-def _false(found: GraspScores) -> str:
+def _false(found: GraspScores) -> list[str]:
     if not found.held_min:
-        return ""
+        return []
     low, high = found.false_alarms_interval
-    return (
-        f"{found.false_alarms_per_min:.2f} false alarms a minute of {found.held_min:.1f} "
-        f"[{low:.2f}, {high:.2f}]"
-    )
+    return [
+        f"false alarms: {found.false_alarms_per_min:.2f} a minute, in {found.held_min:.1f} min of "
+        f"grasps that held (95 % by Poisson {low:.2f} to {high:.2f})"
+    ]
 
 
-def _lead(found: GraspScores) -> str:
+def _lead(found: GraspScores) -> list[str]:
     if not found.timed:
-        return ""
+        return []
     low, high = found.missed_interval
-    words = f"missed {100 * found.missed_share:.0f} % of {found.timed}"
+    words = f"missed: {100 * found.missed_share:.0f} % of {number_of(found.timed, 'slip')}"
     if not math.isnan(low):
-        words += f" [{100 * low:.0f}, {100 * high:.0f}]"
-    if not math.isnan(found.lead_median_s):
-        words += f"; lead {found.lead_median_s:.2f} s in the median, 5 % {found.lead_p5_s:.2f} s"
-    return f"{words}; intervals 95 %, by {found.cluster}"
+        words += f" (95 % by {found.cluster} {100 * low:.0f} to {100 * high:.0f} %)"
+    if math.isnan(found.lead_median_s):
+        return [words]
+    low, high = found.lead_interval_s
+    lead = f"lead before the slip: median {found.lead_median_s:.2f} s"
+    if not math.isnan(low):
+        lead += f" (95 % by {found.cluster} {low:.2f} to {high:.2f} s)"
+    return [words, f"{lead}, 5 % {found.lead_p5_s:.2f} s"]
