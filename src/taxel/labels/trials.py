@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.name_order import Part, counting_order
 from taxel.recordings.imports.own_groups import CUT_FROM
 from taxel.recordings.manifest import Manifest
 from taxel.signals import Mark
@@ -68,6 +69,13 @@ def group_value(trial: Trial, key: str) -> str | None:
     """
     found = trial.groups.get(key)
     return f"{trial.start_s:.6f}" if found is None and key == TIME else found
+
+
+def order_in_time(trial: Trial) -> tuple[tuple[tuple[Part, ...], str], float]:
+    """Return what trials of a session are ordered by: recording by recording, for each has a clock
+    of its own, as people count their names, and as a folder is replayed live; then by time.
+    """
+    return counting_order(trial.recording), trial.start_s
 
 
 def as_numbers(values: Iterable[str]) -> NDArray[np.float64]:
