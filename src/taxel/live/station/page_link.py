@@ -80,6 +80,8 @@ class ViewConfig:
     """A supervisor's tick that is older than this is a stall, seconds."""
     watchers: tuple[str, ...] = ()
     """Names of all grasp monitors."""
+    recognisers: tuple[tuple[str, str], ...] = ()
+    """Name and target of each recogniser."""
 
 
 @dataclass(slots=True)
