@@ -96,6 +96,29 @@ def label_windows(labels: NDArray[np.int8], k: int) -> NDArray[np.int8]:
     return np.asarray(sliding_window_view(labels, k).max(axis=1), np.int8)
 
 
+def labels_ahead(
+    labels: NDArray[np.int8],
+    frames: int,
+    time_s: NDArray[np.float64] | None = None,
+    largest_gap_s: float = float("inf"),
+) -> NDArray[np.int8]:
+    """Return the largest of each frame's label and those of the next frames, shape (n,).
+
+    Frames behind a gap are no next ones: they may come any time later.
+
+    Args:
+        labels: Shape (n,): 0 stable, 1 unstable.
+        frames: How many next ones.
+        time_s: As for `window_starts`.
+        largest_gap_s: As for `window_starts`.
+    """
+    gaps = [] if time_s is None else np.flatnonzero(_broken(np.diff(time_s), largest_gap_s)) + 1
+    padded = [
+        np.concatenate([part, np.repeat(part[-1:], frames)]) for part in np.split(labels, gaps)
+    ]
+    return np.concatenate([label_windows(part, frames + 1) for part in padded])
+
+
 def sequence_windows(
     features: NDArray[np.float32], k: int, starts: NDArray[np.intp] | None = None
 ) -> NDArray[np.float32]:
