@@ -10,6 +10,8 @@ Source: Zhao et al., Sensors 2024, 24, 5080, section 4.1.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
@@ -112,7 +114,9 @@ def labels_ahead(
         time_s: As for `window_starts`.
         largest_gap_s: As for `window_starts`.
     """
-    gaps = [] if time_s is None else np.flatnonzero(_broken(np.diff(time_s), largest_gap_s)) + 1
+    gaps: Sequence[int] = []
+    if time_s is not None:
+        gaps = (np.flatnonzero(_broken(np.diff(time_s), largest_gap_s)) + 1).tolist()
     padded = [
         np.concatenate([part, np.repeat(part[-1:], frames)]) for part in np.split(labels, gaps)
     ]

@@ -28,7 +28,7 @@ from taxel.recordings.imports.video_rows import VideoRow, read_video_rows
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import CameraInfo, Mark
-from taxel.windows.camera_recordings import frame_sets
+from taxel.windows.camera_recordings import decoded, frame_sets
 from taxel.windows.camera_trials import TABLES, are_camera_trials
 from taxel.windows.checks import check_size
 
@@ -208,7 +208,7 @@ def _camera_recording(path: Path, first: Sequence[CameraInfo]) -> _Read:
         for i, frame in enumerate(found.frames):
             if fresh[i]:
                 shown[i] = frame.jpeg
-                grey[i] = _small_jpeg(frame.jpeg, recording.manifest.tactile[i])
+                grey[i] = _small_jpeg(frame.jpeg, recording.manifest.tactile[i], path)
         rows.append(np.concatenate(grey))
         times.append(found.time_s)
     files = {"software": recording.manifest.software}
@@ -224,10 +224,10 @@ def _camera_recording(path: Path, first: Sequence[CameraInfo]) -> _Read:
                  time_s=np.array(times), files=files)  # fmt: skip
 
 
-def _small_jpeg(jpeg: bytes, camera: CameraInfo) -> NDArray[np.float32]:
+def _small_jpeg(jpeg: bytes, camera: CameraInfo, path: Path) -> NDArray[np.float32]:
     from taxel.frame_codec import decode_grey_quarter
 
-    return _small(decode_grey_quarter(jpeg, camera))
+    return _small(decoded(jpeg, camera, path, decode_grey_quarter))
 
 
 def _small(grey: NDArray[np.uint8]) -> NDArray[np.float32]:
