@@ -19,7 +19,7 @@ from taxel.errors import BadDataset, BadTable
 from taxel.evaluation.audit.one_sensor import check_alike, check_cameras
 from taxel.evaluation.audit.touch_set import LEAST_ROWS, TouchSet, checked, joined
 from taxel.evaluation.audit.usable_rows import held_rows, sums_of
-from taxel.labels.trials import Trial, trials_of
+from taxel.labels.trials import Trial, ends_of_rows, trials_of
 from taxel.plain_text import number_of
 from taxel.recordings.imports.footage import open_footage
 from taxel.recordings.imports.importing import import_rows
@@ -277,8 +277,9 @@ def _spans(read: _Read) -> Iterator[tuple[Trial, slice]]:
     if not len(read.rows):
         return
     bounds = float(read.time_s[0]), float(read.time_s[-1])
-    for trial in trials_of(Path(read.name), read.manifest, read.marks, *bounds):
-        ends = (trial.start_s - _SLACK_S, trial.end_s + _SLACK_S)
+    trials = trials_of(Path(read.name), read.manifest, read.marks, *bounds)
+    for trial, end_s in zip(trials, ends_of_rows(trials, _SLACK_S), strict=True):
+        ends = (trial.start_s - _SLACK_S, end_s)
         yield trial, slice(*np.searchsorted(read.time_s, ends).tolist())
 
 
