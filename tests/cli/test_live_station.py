@@ -80,6 +80,8 @@ def test_a_pour_is_watched_recorded_and_sent_to_another_program(
          "99 % of the second; got 50 and 15 N; name the smaller one first"),
         (["live", CUP_POUR, "sim://cup-pour", "--gripper", "sim", "--force-n", "15", "15"],
          "99 % of the second; got 15 and 15 N"),
+        (["live", CUP_POUR, "sim://cup-pour", "--gripper", "sim", "--force-n", "-1", "15"],
+         "a first force of 0 N or more and at most"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_recorded_or_gripped_is_refused_before_anything_is_opened(
