@@ -5,17 +5,20 @@ from __future__ import annotations
 import json
 import signal
 import socket
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from rich.text import Text
 
+from taxel.actions.alarm import AlarmLatch, Level
 from taxel.actions.interlock import Interlock, InterlockConfig
 from taxel.bundles.shipped import CUP_POUR, find_bundle, shipped_bundle
 from taxel.cli.live import station as station_verb
 from taxel.cli.live import station_screen
 from taxel.cli.live.station import StationOptions, _still_to_arm, live_station
-from taxel.cli.live.station_screen import EventLines, press
+from taxel.cli.live.station_screen import EventLines, PrinterThread, press
 from taxel.cli.live.summaries import print_station_summary
 from taxel.cli.main import main
 from taxel.errors import BadBundle, BadSource
@@ -77,6 +80,8 @@ def test_a_pour_is_watched_recorded_and_sent_to_another_program(
          "99 % of the second; got 50 and 15 N; name the smaller one first"),
         (["live", CUP_POUR, "sim://cup-pour", "--gripper", "sim", "--force-n", "15", "15"],
          "99 % of the second; got 15 and 15 N"),
+        (["live", CUP_POUR, "sim://cup-pour", "--gripper", "sim", "--force-n", "-1", "15"],
+         "a first force of 0 N or more and at most"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_recorded_or_gripped_is_refused_before_anything_is_opened(
@@ -99,15 +104,53 @@ def test_what_cannot_be_recorded_or_gripped_is_refused_before_anything_is_opened
 def test_the_key_d_disarms():
     pressed: list[str] = []
     station = SimpleNamespace(disarm=lambda: pressed.append("disarm"))
-    press("d", station)  # type: ignore[arg-type]
+    press("d", station, frozenset())  # type: ignore[arg-type]
     assert pressed == ["disarm"]
 
 
 @pytest.mark.parametrize(("key", "event"), [("s", "pour stopped"), ("x", "dropped")])
 def test_keys_say_what_the_person_did_and_what_came_of_it(key: str, event: str):
     heard: list[str] = []
-    press(key, SimpleNamespace(react=heard.append))  # type: ignore[arg-type]
+    press(key, SimpleNamespace(react=heard.append), frozenset())  # type: ignore[arg-type]
     assert heard == [event]
+
+
+def test_the_key_a_acknowledges_only_alarms_that_were_shown():
+    """One that came since, or has become worse, stays, and the person hears so."""
+    alarms, heard = AlarmLatch(), list[str]()
+    station = SimpleNamespace(
+        acknowledge=lambda seen: alarms.acknowledge_seen(seen, 2.0),
+        guard=SimpleNamespace(alarms=alarms), say=heard.append,
+    )  # fmt: skip
+    shown = alarms.set("camera", Level.WARNING, "the camera is silent", 1.0)
+    alarms.set("grasp", Level.DANGER, "the grasp is unstable", 1.5)
+    press("a", station, frozenset({shown.key}))  # type: ignore[arg-type]
+    assert [(alarm.kind, alarm.acknowledged) for alarm in alarms.alarms] == [
+        ("grasp", False), ("camera", True),
+    ]  # fmt: skip
+    assert "not shown yet" in heard.pop()
+    press("a", station, frozenset(alarm.key for alarm in alarms.alarms))  # type: ignore[arg-type]
+    assert alarms.sounding is None
+    assert heard == []
+
+
+def test_alarms_count_as_shown_once_their_lines_are_printed(monkeypatch: pytest.MonkeyPatch):
+    """While a terminal stands still, a person sees none of them."""
+    goes_on, printed = threading.Event(), threading.Event()
+
+    def stand_still(*_: object, **__: object) -> None:
+        printed.set()
+        goes_on.wait(5.0)
+
+    monkeypatch.setattr(station_screen.console, "print", stand_still)
+    printer = PrinterThread()
+    printer.say(Text("UNSTABLE"))
+    printer.note(frozenset({3}))
+    assert printed.wait(5.0)
+    assert printer.shown == frozenset()
+    goes_on.set()
+    printer.close()
+    assert printer.shown == {3}
 
 
 @pytest.mark.parametrize(

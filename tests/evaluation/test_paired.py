@@ -13,6 +13,7 @@ from taxel.evaluation.paired import (
     compare_runs,
     mcnemar,
     sign_flip,
+    smallest_p,
 )
 from taxel.labels.trials import Trial
 from taxel.training.loop import TrainConfig
@@ -110,6 +111,12 @@ def test_drawn_signs_come_near_all_signs():
     drawn = sign_flip(np.concatenate([few, np.zeros(4)]))  # zeros change nothing, but 20 are drawn
 
     assert drawn == pytest.approx(exact, abs=0.01)
+
+
+@pytest.mark.parametrize("groups", [1, 5, 16, 30, 60])
+def test_the_smallest_p_is_reached_where_every_group_gains(groups: int):
+    """And not below: signs that are drawn cannot show 2^-59."""
+    assert sign_flip(np.ones(groups)) == pytest.approx(smallest_p(groups), rel=1e-12)
 
 
 def test_sign_flip_keeps_its_promise_where_nothing_differs():

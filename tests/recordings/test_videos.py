@@ -86,8 +86,8 @@ BAD = {
     "padded": (padded, "cut short|without any"),
     "no video": (lambda path: (path.write_bytes(b"left, right" * 99), path)[1], "without any"),
     "grey": (lambda path: write(path, grey=True), "grey"),
-    "longer": (lambda path: write(path, 30), "20 and 30"),
-    "slower": (lambda path: write(path, rate_hz=10.0), "10 Hz and 25 Hz"),
+    "longer": (lambda path: write(path, 30), r"20 in .*left\.avi and 30 in .*bad\.avi"),
+    "slower": (lambda path: write(path, rate_hz=10.0), r"10 Hz in .*bad\.avi and 25 Hz in .*left"),
     "missing": (lambda path: path, "no file"),
 }
 

@@ -7,6 +7,7 @@ import pytest
 from taxel.clock import ManualClock
 from taxel.errors import BadInput, BadRecording, BadSource, TaxelError
 from taxel.foreign.addresses import read_options, write_options
+from taxel.labels.trials import order_in_time, trials_of
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import SensorInfo
@@ -117,6 +118,20 @@ def test_a_name_with_question_marks_takes_options_as_well(tmp_path: Path, name: 
         assert replayed_files(own) == [file]
         with open_source(own, ManualClock()) as source:
             assert source.info == info
+
+
+def test_a_folder_is_replayed_in_the_order_in_which_levels_are_followed_offline(tmp_path: Path):
+    """As people count: cup_2 before cup_10."""
+    info = SensorInfo(name="t", channels=("a",), units=("V",), rate_hz=10.0)
+    for number in (10, 1, 2):
+        with Recorder(tmp_path / f"cup_{number}.mcap", Manifest(sensor=info)):
+            pass
+    files = replayed_files(str(tmp_path))
+    trials = [trial for file in files for trial in trials_of(file, Manifest(sensor=info), [], 0, 1)]
+
+    assert [file.stem for file in files] == ["cup_1", "cup_2", "cup_10"]
+    assert recordings_of(str(tmp_path)) == list(map(str, files))
+    assert sorted(trials, key=order_in_time) == trials
 
 
 def test_options_come_through_another_address_as_they_were():

@@ -190,14 +190,15 @@ def test_features_may_lie_on_disk(tmp_path: Path) -> None:
     )
 
 
-def test_no_window_joins_frames_from_before_and_after_an_outage() -> None:
+@pytest.mark.parametrize("ahead", [0, 20])
+def test_no_window_joins_frames_from_before_and_after_an_outage(ahead: int) -> None:
     """A head learns and is scored as if both sides were recordings of their own."""
     rng = np.random.default_rng(0)
     values = rng.normal(size=(80, 3)).astype(np.float32)
     row = np.stack([np.arange(80)] * 2, axis=1)
-    labels = (np.arange(80) % 40 >= 25).astype(np.int8)
+    labels = (np.arange(80) % 40 < 15).astype(np.int8)
     time_s = np.arange(80) / 25 + np.where(np.arange(80) >= 40, 3.0, 0.0)
-    config = HeadConfig(epochs=1, frames=4, tare="none", stride=1)
+    config = HeadConfig(epochs=1, frames=4, tare="none", stride=1, ahead=ahead)
     head = fit_head([Track(values, row, labels, time_s, 0.2)], config)
     apart = [Track(values, row[part], labels[part]) for part in (slice(40), slice(40, None))]
     other = fit_head(apart, config)

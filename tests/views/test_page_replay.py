@@ -245,3 +245,27 @@ def test_a_channel_without_any_usable_value_leaves_the_others_their_scale(tmp_pa
     shown = np.array(link.traces(-np.inf)["map"])
     assert shown[-1, 0] == pytest.approx(50 / 99, abs=0.01)
     assert np.isnan(shown[:, 1]).all()
+
+
+def test_no_line_leads_across_an_outage_and_the_map_within_it_is_empty(
+    tmp_path: Path, clock: ManualClock
+):
+    """As live: 10 s without a scan are no straight line from the last to the next."""
+    info = SensorInfo(name="own", channels=("a",), units=("V",), rate_hz=100.0)
+    time_s = np.r_[np.arange(100), 1100 + np.arange(100)] / 100
+    with Recorder(tmp_path / "r.mcap", Manifest(sensor=info)) as file:
+        file.write(Samples.from_values(1 + time_s[:, None], time_s))
+    link = ReplayLink(tmp_path / "r.mcap", clock)
+    link.seek(11.5)
+    sensors = link.traces(-np.inf)["sensors"]
+    (values,) = sensors["values"]
+    empty = np.flatnonzero(np.isnan(values))
+
+    assert len(empty) == 1
+    assert 0.98 < sensors["t"][empty[0]] < 11.0
+    assert sensors["t"] == sorted(sensors["t"])
+    assert np.isnan(link.traces(5.0)["sensors"]["values"][0][0])
+    link.seek(6.0)
+    assert np.isnan(link.traces(-np.inf)["map"][-1]).all()
+    link.seek(11.5)
+    assert np.isfinite(link.traces(-np.inf)["map"]).all()

@@ -278,6 +278,22 @@ def test_a_session_split_has_no_session_on_both_sides(tmp_path: Path):
     assert "On both sides of a fold: object (3 of 3)." in page
 
 
+def test_a_group_may_be_named_with_a_raised_number(tmp_path: Path):
+    """A ² is a digit to some, and no number."""
+    from dataclasses import replace
+
+    run = make_run()
+    assert run.predictions is not None
+    trials = tuple(
+        replace(trial, groups={**trial.groups, "session": f"{trial.groups['session']}²"})
+        for trial in run.predictions.trials
+    )
+
+    run = replace(run, predictions=replace(run.predictions, trials=trials))
+
+    assert "²</th>" in page_of(tmp_path, runs={"r": run})
+
+
 def test_recordings_of_another_digest_are_warned_of(tmp_path: Path):
     from dataclasses import replace
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from taxel.live.station.packets import pack
 from taxel.live.station.page_link import PageSeen, ViewConfig
@@ -53,11 +54,16 @@ def test_a_value_that_may_not_be_used_is_a_gap_and_no_zero():
     np.testing.assert_allclose([rows[0][0], *rows[1]], [0.5, 0.7, 0.2], rtol=1e-6)
 
 
-def _view(rings: list[str], beats: str, watchers: tuple[str, ...]) -> ViewConfig:
+def _view(
+    rings: list[str],
+    beats: str,
+    watchers: tuple[str, ...],
+    recognisers: tuple[tuple[str, str], ...] = (),
+) -> ViewConfig:
     seen = [PageSeen(url="", ring=name, sensor=HAND, cameras=()) for name in rings[:2]]
     return ViewConfig(
         sources=tuple(seen), decisions=tuple(rings[2:]), status="", requests="", beats=beats,
-        stall_s=0.1, watchers=watchers,
+        stall_s=0.1, watchers=watchers, recognisers=recognisers,
     )  # fmt: skip
 
 
@@ -96,3 +102,39 @@ def test_one_monitor_is_drawn_as_the_grasp():
                             "p": 0.1, "state": "STABLE"}))  # fmt: skip
         bridge.follow(SimpleNamespace(consumed=0, dropped=0))
     assert [path for path, _ in viewer.logged] == ["grasp/probability", "grasp/state"]
+
+
+@pytest.mark.parametrize(
+    ("second", "paths"),
+    [
+        ("shape", ["answers/shape/monitor-0", "answers/shape/monitor-1"]),
+        ("material", ["answers/shape", "answers/material"]),
+    ],
+)
+def test_two_recognisers_of_one_target_are_drawn_apart(second: str, paths: list[str]):
+    viewer = Viewer()
+    own = (("monitor/0", "shape"), ("monitor/1", second))
+    with ExitStack() as stack:
+        rings = [stack.enter_context(Ring(2**16)).name for _ in range(3)]
+        _, _, decisions = (stack.enter_context(RingWriter(name)) for name in rings)
+        bridge = _Bridge(viewer, _view(rings, "", (), own))
+        stack.callback(bridge.close)
+        for who, target in own:
+            decisions.put(pack({"kind": "answer", "time_s": 0.0, "who": who, "target": target,
+                                "label": "sphere"}))  # fmt: skip
+        bridge.follow(SimpleNamespace(consumed=0, dropped=0))
+    assert viewer.logged == [(path, "sphere") for path in paths]
+
+
+def test_a_reaction_that_the_source_marked_is_passed_over():
+    """It has a time, and neither state nor score: the viewer's process died of it."""
+    viewer = Viewer()
+    with ExitStack() as stack:
+        rings = [stack.enter_context(Ring(2**16)).name for _ in range(3)]
+        _, _, decisions = (stack.enter_context(RingWriter(name)) for name in rings)
+        bridge = _Bridge(viewer, _view(rings, "", ("monitor/0",)))
+        stack.callback(bridge.close)
+        decisions.put(pack({"kind": "reaction", "who": "monitor/0", "what": "put down",
+                            "time_s": 1.0}))  # fmt: skip
+        bridge.follow(SimpleNamespace(consumed=0, dropped=0))
+    assert viewer.logged == []

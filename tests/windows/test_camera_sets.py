@@ -201,7 +201,7 @@ def test_a_table_names_folders_of_images(tmp_path: Path):
     (tmp_path / "wide").mkdir()
     for number, level in enumerate(LEVELS):
         (tmp_path / "wide" / f"{number:03d}.jpg").write_bytes(picture(level, 48))
-    with pytest.raises(BadTable, match=r"32×24 and, of right in .*, 48×24"):
+    with pytest.raises(BadTable, match=r"32×24 in .*l and 48×24 in .*wide"):
         read_camera_trials(table(tmp_path, "left,right,label:kind,rate", "l,wide,ball,25"))
     mixed = table(tmp_path, "camera:a,camera:b,label:kind,rate", f"{left},{right},ball,25",
                   f"{other},,ball,25")  # fmt: skip

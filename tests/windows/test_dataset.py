@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadDataset, BadRecording
+from taxel.labels.trials import Trial, ends_of_rows
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo, Validity
@@ -72,6 +73,28 @@ def test_a_number_that_stands_for_an_overload_is_refused_by_its_place(
     assert len(load_dataset(tmp_path, CONFIG, target="shape", unusable=True))
     own = replace(CONFIG, channels=("n",))
     assert len(load_dataset(tmp_path, own, target="shape"))
+
+
+@pytest.mark.parametrize("stride", [1, 3, 10])
+def test_no_scan_is_in_windows_of_two_trials_that_touch(tmp_path: Path, stride: int):
+    """Scan 100 ends the first mark and begins the second: it is the second one's alone."""
+    record(tmp_path, "a", [grasp(0, 100, "sphere"), grasp(100, 199, "cylinder")])
+    dataset = load_dataset(tmp_path, replace(CONFIG, stride=stride), target="shape")
+    first, second = (dataset.windows.values[dataset.trial == trial, :, 0] for trial in range(2))
+
+    assert first.max() == 90 // stride * stride + 9 <= 99
+    assert second.min() == -(-100 // stride) * stride
+
+
+def test_where_rows_of_trials_that_touch_or_overlap_end():
+    """A mark that ends where the one after the next begins, and one without length."""
+    times = [(0.0, 1.0), (0.5, 2.0), (1.0, 3.0), (3.0, 3.0), (3.0, 4.0)]
+    own = [Trial(recording="a", start_s=a, end_s=b, labels={}, groups={}) for a, b in times]
+
+    assert ends_of_rows(own, 1e-6) == pytest.approx([1.0, 2.0, 3.0, 3.0, 4.0], abs=2e-6)
+    assert (ends_of_rows(own, 1e-6) > [1.0, 2.0, 3.0, 3.0, 4.0]).tolist() == [
+        False, True, False, True, True,
+    ]  # fmt: skip
 
 
 def test_what_lies_in_no_trial_is_no_training_window(tmp_path: Path):

@@ -106,6 +106,16 @@ def test_trials_are_tested_in_order_of_time_though_learned_from_at_random() -> N
     assert trained.learned_from.tolist() != trained.tested.tolist()
 
 
+def test_recordings_of_a_session_come_as_people_count_them() -> None:
+    """cup_2 before cup_10: the louder cup_10 is no earlier touch of cup_2's."""
+    own = [replace(trial, recording=f"cup_{number}.mcap")
+           for trial, number in zip(trials("aaa"), (1, 10, 2), strict=True)]  # fmt: skip
+    found = followed_factors(windows([[1.0, 2.0], [9.0, 18.0], [1.0, 2.0]]), np.arange(3), own,
+                             FOLLOW, USUAL).tested  # fmt: skip
+
+    assert found.tolist() == [[1.0, 1.0]] * 3
+
+
 def test_in_training_earlier_touches_are_drawn_at_random() -> None:
     """A rising session: by time, every factor would be below the one before."""
     rising = [[1.0 + 0.1 * i, 1.0 + 0.1 * i] for i in range(30)]

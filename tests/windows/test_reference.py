@@ -54,6 +54,19 @@ def sessions(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def test_a_sessions_first_touches_are_those_of_the_recording_that_people_count_first(
+    tmp_path: Path,
+):
+    """cup_2 before cup_10: the latter's gain is not the session's level."""
+    for number, gain in ((10, 4.0), (2, 1.0)):
+        recorded(tmp_path, f"cup_{number}", gain * GAINS["a"], session="s")
+    dataset = load_dataset(tmp_path, WINDOW)
+    left = [(trial.recording, trial.labels["kind"]) for trial in dataset.trials]
+
+    assert left.count(("cup_2.mcap", "block")) == 1
+    assert left.count(("cup_10.mcap", "block")) == 3
+
+
 def test_sessions_that_differ_in_gain_alone_become_one(sessions: Path):
     dataset = load_dataset(sessions, WINDOW)
     names = dataset.group("session")[dataset.trial]

@@ -6,7 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taxel.errors import BadInput
-from taxel.windows.sequence import FeatureRing, label_windows, sequence_windows, window_starts
+from taxel.windows.sequence import (
+    FeatureRing,
+    label_windows,
+    labels_ahead,
+    sequence_windows,
+    window_starts,
+)
 
 
 def numbered(n: int) -> np.ndarray:
@@ -29,6 +35,17 @@ def test_a_window_is_unstable_once_any_frame_is() -> None:
 
     assert label_windows(labels, 3).tolist() == [0, 1, 1, 1]
     assert label_windows(labels, 7).tolist() == []
+
+
+def test_labels_run_ahead_within_a_stretch_without_an_outage() -> None:
+    """A slip after half a minute's outage is no warning of the frames before it."""
+    labels = np.array([0, 0, 0, 0, 1, 0, 0], np.int8)
+    time_s = np.array([0.0, 0.1, 30.0, 30.1, 30.2, 30.3, 30.4])
+
+    assert labels_ahead(labels, 3).tolist() == [0, 1, 1, 1, 1, 0, 0]
+    assert labels_ahead(labels, 3, time_s, 0.2).tolist() == [0, 0, 1, 1, 1, 0, 0]
+    assert labels_ahead(labels, 0, time_s, 0.2).tolist() == labels.tolist()
+    assert labels_ahead(labels[:0], 3, time_s[:0], 0.2).tolist() == []
 
 
 def test_starts_of_windows() -> None:

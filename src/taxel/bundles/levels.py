@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import Contract
 from taxel.errors import BadBundle, BadDataset
+from taxel.labels.trials import order_in_time
 from taxel.windows.dataset import Dataset, load_dataset
 from taxel.windows.reference import NOTHING, parse_reference, touch_level
 
@@ -78,7 +79,7 @@ def measure_level(path: Path | str, contract: Contract, *, count: int | None = N
     chosen = [
         i for i, trial in enumerate(dataset.trials) if not any(named) or reference.matches(trial)
     ]
-    chosen = sorted(chosen, key=lambda i: (dataset.trials[i].recording, dataset.trials[i].start_s))
+    chosen = sorted(chosen, key=lambda i: order_in_time(dataset.trials[i]))
     chosen = chosen[:count]
     if not chosen:
         raise BadDataset(

@@ -160,11 +160,14 @@ def sign_flip(changed: NDArray[np.float64], seed: int = 0) -> float:
     """Return the two-sided p of a sign-flip permutation test.
 
     If neither run were better, each group's difference could as well have had the other
-    sign. All 2^n signs are gone through; with many groups, signs are drawn.
+    sign. All 2^n signs are gone through; with many groups, signs are drawn, and the changes
+    that were found count as one more draw, so that p is never too small.
 
     Args:
         changed: Windows gained (or lost) in each group, shape (groups,).
         seed: Seed of drawn signs.
+
+    Source: Phipson & Smyth, Stat. Appl. Genet. Mol. Biol. 9 (2010) 39, for drawn signs.
     """
     n, found = len(changed), abs(float(changed.sum()))
     if n <= _EXACT_GROUPS:
@@ -177,8 +180,11 @@ def sign_flip(changed: NDArray[np.float64], seed: int = 0) -> float:
 
 
 def smallest_p(groups: int) -> float:
-    """Return the smallest p that `sign_flip` can give for so many groups; 6 are needed for 0.05."""
-    return min(1.0, 2.0 ** (1 - groups))
+    """Return the smallest p that `sign_flip` can give for so many groups; 6 are needed for 0.05.
+
+    Where signs are drawn, that is one draw's share, however many groups there are.
+    """
+    return min(1.0, 2.0 ** (1 - groups)) if groups <= _EXACT_GROUPS else 1 / (_DRAWN + 1)
 
 
 def coarsest_of(predictions: Predictions) -> str:

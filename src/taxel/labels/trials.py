@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.name_order import Part, counting_order
 from taxel.recordings.imports.own_groups import CUT_FROM
 from taxel.recordings.manifest import Manifest
 from taxel.signals import Mark
@@ -68,6 +69,31 @@ def group_value(trial: Trial, key: str) -> str | None:
     """
     found = trial.groups.get(key)
     return f"{trial.start_s:.6f}" if found is None and key == TIME else found
+
+
+def order_in_time(trial: Trial) -> tuple[tuple[tuple[Part, ...], str], float]:
+    """Return what trials of a session are ordered by: recording by recording, for each has a clock
+    of its own, as people count their names, and as a folder is replayed live; then by time.
+    """
+    return counting_order(trial.recording), trial.start_s
+
+
+def ends_of_rows(trials: Sequence[Trial], slack_s: float) -> NDArray[np.float64]:
+    """Return until when a row may lie in each trial, seconds, shape (n,).
+
+    Where one trial ends at the very moment at which the next begins, the row of that moment is the
+    next one's alone: a split between the two must not put it on both sides.
+
+    Args:
+        trials: Of one recording, in the order of their starts.
+        slack_s: How far behind its end a row may lie, as clocks round.
+    """
+    starts = np.array([trial.start_s for trial in trials])
+    ends = np.array([trial.end_s for trial in trials])
+    place = np.searchsorted(starts, ends - slack_s)
+    following = np.append(starts, np.inf)[place]
+    touches = (following <= ends + slack_s) & (following > starts + slack_s)
+    return np.where(touches, following - slack_s, ends + slack_s)
 
 
 def as_numbers(values: Iterable[str]) -> NDArray[np.float64]:

@@ -20,6 +20,7 @@ from pathlib import Path
 from taxel.clock import Clock, SystemClock
 from taxel.errors import BadInput, BadSource, MissingExtra
 from taxel.foreign.addresses import read_options, write_options
+from taxel.name_order import counting_order
 from taxel.recordings.reader import list_recordings
 from taxel.sources.contract import Source
 
@@ -107,8 +108,8 @@ def open_source(url: str | Path, clock: Clock | None = None) -> Source:
 
 
 def recordings_of(url: str) -> list[str]:
-    """Return the address of each recording where a folder is to be replayed, by name; else the
-    address as it is.
+    """Return the address of each recording where a folder is to be replayed, as people count their
+    names; else the address as it is.
 
     Raises:
         BadSource: The address is wrong.
@@ -118,9 +119,7 @@ def recordings_of(url: str) -> list[str]:
     if scheme != "replay" or not Path(name).is_dir():
         return [url]
     query = write_options(options)
-    return [
-        f"replay://{path}?{query}" if query else str(path) for path in list_recordings(Path(name))
-    ]
+    return [f"replay://{path}?{query}" if query else str(path) for path in _in_order(Path(name))]
 
 
 def is_replay(url: str) -> bool:
@@ -133,14 +132,19 @@ def is_replay(url: str) -> bool:
 
 
 def replayed_files(url: str) -> list[Path]:
-    """Return the recordings that an address replays; none for another source.
+    """Return the recordings that an address replays, as `recordings_of`; none for another source.
 
     Raises:
         BadSource: The address is wrong.
         BadRecording: The folder holds no recording, or an unfinished one.
     """
     scheme, name, _ = _split(url)
-    return list_recordings(Path(name)) if scheme == "replay" else []
+    return _in_order(Path(name)) if scheme == "replay" else []
+
+
+def _in_order(path: Path) -> list[Path]:
+    """Return a data set's recordings as they are replayed: as `order_in_time` does trials."""
+    return sorted(list_recordings(path), key=lambda file: counting_order(file.name))
 
 
 def refuse_replayed(path: Path, urls: Iterable[str]) -> None:

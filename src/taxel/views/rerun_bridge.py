@@ -125,7 +125,8 @@ class _Bridge:
             return
         rerun.set_time("time", duration=note["time_s"])
         if note["kind"] == "answer":
-            rerun.log(f"answers/{note['target']}", rerun.TextLog(note["label"]))
+            rerun.log(self._answers_of(note), rerun.TextLog(note["label"]))
+        if note["kind"] != "grasp":  # such as a person's reaction
             return
         who, root = note["who"], self._grasp_of(note["who"])
         if note["p"] is not None:
@@ -141,9 +142,21 @@ class _Bridge:
 
     def _grasp_of(self, who: str) -> str:
         """Return where a monitor's decisions stand: by its name where there are several."""
-        several = len(self._view.watchers) > 1
-        return f"grasp/{who.replace(' ', '-').replace('/', '-')}" if several else "grasp"
+        return f"grasp/{_part(who)}" if len(self._view.watchers) > 1 else "grasp"
+
+    def _answers_of(self, note: dict[str, Any]) -> str:
+        """Return where a recogniser's answers stand: by its name, too, where several share a
+        target.
+        """
+        path = f"answers/{note['target']}"
+        alike = [who for who, target in self._view.recognisers if target == note["target"]]
+        return f"{path}/{_part(note['who'])}" if len(alike) > 1 else path
 
     def close(self) -> None:
         for ring in (*self._sources, *self._decisions):
             ring.close()
+
+
+def _part(who: str) -> str:
+    """Return a process's name as one part of a path."""
+    return who.replace(" ", "-").replace("/", "-")

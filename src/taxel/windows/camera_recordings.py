@@ -7,14 +7,14 @@ Knows nothing about features, labels or models.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadDataset
+from taxel.errors import BadDataset, BadSource
 from taxel.jobs.running import shared_out, side_by_side
 from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.reader import iterate_tactile, list_recordings, read_recording
@@ -238,14 +238,38 @@ def images_in(
     path: Path, cameras: Sequence[CameraInfo], camera: int
 ) -> Iterator[NDArray[np.uint8]]:
     """Yield what `camera_images` does, of a recording's file and what its cameras are."""
-    from taxel.frame_codec import decode_jpeg
-
     last: tuple[bytes, NDArray[np.uint8]] | None = None
     for found in frame_sets(path, len(cameras)):
         jpeg = found.frames[camera].jpeg
         if last is None or last[0] != jpeg:
-            last = (jpeg, decode_jpeg(jpeg, cameras[camera]))
+            last = (jpeg, decoded(jpeg, cameras[camera], path))
         yield last[1]
+
+
+def decoded(
+    jpeg: bytes,
+    camera: CameraInfo,
+    path: Path,
+    decode: Callable[[bytes, CameraInfo], NDArray[np.uint8]] | None = None,
+) -> NDArray[np.uint8]:
+    """Return a recorded image's pixels, shape (height, width, 3), red first.
+
+    Args:
+        jpeg: The image.
+        camera: Whose it is.
+        path: Its recording.
+        decode: Another way to decode it.
+
+    Raises:
+        BadSource: It is damaged, or not such as the camera sends; camera and recording are named.
+    """
+    from taxel.frame_codec import decode_jpeg
+
+    try:
+        return (decode or decode_jpeg)(jpeg, camera)
+    except BadSource as error:
+        got = f"{error.got} from {camera.name} in {path}"
+        raise BadSource(error.needed, got, error.mend) from error
 
 
 def frame_sets(path: Path | str, cameras: int) -> Iterator[FrameSet]:

@@ -24,7 +24,7 @@ from taxel.recordings.imports.footage import IMAGES, VIDEOS, open_footage
 from taxel.recordings.imports.known import KNOWN_VIDEOS
 from taxel.recordings.imports.value_tables.table_columns import read_cells
 from taxel.recordings.imports.video_rows import VideoRow, names_videos, read_video_rows
-from taxel.recordings.imports.videos import QUALITY, same_length, same_rate
+from taxel.recordings.imports.videos import QUALITY, naming, same_length, same_rate
 from taxel.recordings.reader import list_recordings, read_manifest
 from taxel.signals import CameraInfo
 from taxel.sim.pour.state import has_truth
@@ -154,11 +154,13 @@ def check_unchanged(trial: CameraTrial) -> None:
 class _Files:
     """Reads images from a file or folder of each camera."""
 
+    trial: str
+    """Its name, for messages."""
     files: tuple[Path, ...]
     """Absolute."""
 
     def __call__(self, camera: int) -> Iterator[Image]:
-        with closing(open_footage(self.files[camera])) as footage:
+        with naming(self.trial), closing(open_footage(self.files[camera])) as footage:
             yield from footage.frames()
 
     def digest(self) -> str:
@@ -291,12 +293,12 @@ def _of_row(row: VideoRow) -> CameraTrial:
     videos = {name: open_footage(file) for name, file in row.files.items()}
     try:
         first = next(iter(videos.values()))
-        for name, video in videos.items():
+        for video in videos.values():
             if (video.width, video.height) != (first.width, first.height):
                 raise BadTable(
-                    "images of one size from all cameras of a trial",
-                    f"{first.width}×{first.height} and, of {name} in {row.name}, "
-                    f"{video.width}×{video.height}",
+                    f"images of one size from all cameras of the trial {row.name}",
+                    f"{first.width}×{first.height} in {first.path} and "
+                    f"{video.width}×{video.height} in {video.path}",
                     "scale them to one size",
                 )
         return CameraTrial(
@@ -311,7 +313,7 @@ def _of_row(row: VideoRow) -> CameraTrial:
             mm_per_px=row.mm_per_px,
             digest=_together([video.digest() for video in videos.values()]),
             recorded=False,
-            read=_Files(tuple(file.absolute() for file in row.files.values())),
+            read=_Files(row.name, tuple(file.absolute() for file in row.files.values())),
         )
     finally:
         for video in videos.values():

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadInput
-from taxel.labels.trials import Trial
+from taxel.labels.trials import Trial, order_in_time
 from taxel.plain_text import number_of
 from taxel.windows.windower import Windows
 
@@ -221,7 +221,7 @@ def followed_factors(
             before = np.where(others > 0, others, before)  # what no other session measured
             drawn = random.permutation(own)
             mixed[drawn] = _levels(each[drawn], touched[drawn], before, follow.touches)
-        own = np.array(sorted(own, key=lambda i: _time_of(trials[i])), np.intp)
+        own = np.array(sorted(own, key=lambda i: order_in_time(trials[i])), np.intp)
         in_time[own] = _levels(each[own], touched[own], before, follow.touches)
     tested = factor_of(learned.array, in_time)
     learned_from = factor_of(learned.array, mixed) if usual is None else tested
@@ -250,11 +250,6 @@ def _learned(logs: NDArray[np.float64], squares: NDArray[np.float64]) -> UsualLe
     loudest = _loudest(squares, usual)
     quiet = float(np.percentile(loudest, QUIET_PERCENT)) if len(loudest) else 0.0
     return UsualLevel(squares=tuple(usual.tolist()), quietest=QUIET_SHARE * quiet)
-
-
-def _time_of(trial: Trial) -> tuple[str, float]:
-    """Return what trials of a session are ordered by: recordings have clocks of their own."""
-    return trial.recording, trial.start_s
 
 
 def _log(squares: NDArray[np.float64]) -> NDArray[np.float64]:

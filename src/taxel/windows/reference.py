@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadInput
-from taxel.labels.trials import Trial
+from taxel.labels.trials import Trial, order_in_time
 from taxel.windows.windower import Windows
 
 NOTHING = 0.02
@@ -111,8 +111,8 @@ def session_levels(
     """Return each trial's session level, and which trials are reference touches.
 
     A session may span several recordings, whose clocks are their own: its touches are taken
-    recording by recording, by name. A channel that gives nothing in a session's touches
-    (below `NOTHING` of its usual level) has no level there: NaN.
+    recording by recording, as `order_in_time` has them. A channel that gives nothing in a
+    session's touches (below `NOTHING` of its usual level) has no level there: NaN.
 
     Args:
         values: All windows, shape (n, steps, channels).
@@ -135,7 +135,7 @@ def session_levels(
         inside = np.flatnonzero(sessions == name)
         found = sorted(
             (i for i in inside if touches.matches(trials[i])),
-            key=lambda i: (trials[i].recording, trials[i].start_s),
+            key=lambda i: order_in_time(trials[i]),
         )
         if len(found) < touches.count:
             raise BadDataset(

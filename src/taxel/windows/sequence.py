@@ -10,6 +10,8 @@ Source: Zhao et al., Sensors 2024, 24, 5080, section 4.1.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
@@ -94,6 +96,31 @@ def label_windows(labels: NDArray[np.int8], k: int) -> NDArray[np.int8]:
     if len(labels) < k:
         return np.zeros(0, np.int8)
     return np.asarray(sliding_window_view(labels, k).max(axis=1), np.int8)
+
+
+def labels_ahead(
+    labels: NDArray[np.int8],
+    frames: int,
+    time_s: NDArray[np.float64] | None = None,
+    largest_gap_s: float = float("inf"),
+) -> NDArray[np.int8]:
+    """Return the largest of each frame's label and those of the next frames, shape (n,).
+
+    Frames behind a gap are no next ones: they may come any time later.
+
+    Args:
+        labels: Shape (n,): 0 stable, 1 unstable.
+        frames: How many next ones.
+        time_s: As for `window_starts`.
+        largest_gap_s: As for `window_starts`.
+    """
+    gaps: Sequence[int] = []
+    if time_s is not None:
+        gaps = (np.flatnonzero(_broken(np.diff(time_s), largest_gap_s)) + 1).tolist()
+    padded = [
+        np.concatenate([part, np.repeat(part[-1:], frames)]) for part in np.split(labels, gaps)
+    ]
+    return np.concatenate([label_windows(part, frames + 1) for part in padded])
 
 
 def sequence_windows(

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.labels.trials import Trial
+from taxel.labels.trials import Trial, ends_of_rows
 from taxel.recordings.reader import read_recording
 from taxel.windows.config import WindowConfig
 from taxel.windows.windower import Windows, cut_windows
@@ -22,9 +22,14 @@ _TIME_SLACK_S = 1e-6
 
 
 def owners_of(windows: Windows, trials: Sequence[Trial]) -> NDArray[np.intp]:
-    """Return the trial that each window lies in as a whole, or -1, shape (n,)."""
+    """Return the trial that each window lies in as a whole, or -1, shape (n,).
+
+    Args:
+        windows: Of one recording.
+        trials: Its trials, in the order of their starts; no row is in windows of two.
+    """
     starts = np.array([trial.start_s for trial in trials]) - _TIME_SLACK_S
-    ends = np.array([trial.end_s for trial in trials]) + _TIME_SLACK_S
+    ends = ends_of_rows(trials, _TIME_SLACK_S)
     owner = np.searchsorted(starts, windows.start_s, side="right") - 1
     inside = (owner >= 0) & (windows.end_s <= ends[np.maximum(owner, 0)])
     return np.where(inside, owner, -1).astype(np.intp)

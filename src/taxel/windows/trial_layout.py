@@ -97,6 +97,7 @@ def choose_layout(
     *,
     rate_hz: float = CROP_HZ,
     moving: bool = False,
+    shortest_name: str = "",
 ) -> Layout:
     """Return crops that fit into the shortest trial.
 
@@ -106,6 +107,7 @@ def choose_layout(
         rate_hz: Frames a second.
         moving: Whether three crops are taken from the part in which something moves, and of fast
             cameras one image in several.
+        shortest_name: What the shortest trial is called, for the message.
 
     Raises:
         BadInput: The crop asked for is too short or too long for a trial.
@@ -113,8 +115,9 @@ def choose_layout(
     shortest = min(lengths)
     least = min(LEAST_CROP, shortest)
     if crop is not None and not least <= crop <= shortest:
+        named = f", {shortest_name}" if shortest_name else ""
         raise BadInput(
-            f"--crop of {least} to {shortest} frames, the shortest trial's", str(crop),
+            f"--crop of {least} to {shortest} frames, the shortest trial's{named}", str(crop),
             "choose another, or leave it out",
         )  # fmt: skip
     chosen = crop or min(shortest, LONGEST_CROP)

@@ -181,7 +181,7 @@ class Live:
             )
         if self.force_n is not None and not 0 <= self.force_n[0] <= 0.99 * self.force_n[1] < inf:
             raise BadInput(
-                "--force-n with a first force of at most 99 % of the second",
+                "--force-n with a first force of 0 N or more and at most 99 % of the second",
                 f"{self.force_n[0]:g} and {self.force_n[1]:g} N", "name the smaller one first",
             )  # fmt: skip
 

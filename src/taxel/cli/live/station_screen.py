@@ -36,6 +36,7 @@ _REACTIONS = {
 }  # fmt: skip
 """Key → what a person says of the grasp."""
 _GRIP_KEYS = " · m arm · d disarm"
+_UNSEEN = "not acknowledged: an alarm that was not shown yet; look at it, then press a again"
 
 
 def print_keys(*, acts: bool, watches: bool) -> None:
@@ -50,12 +51,20 @@ def print_keys(*, acts: bool, watches: bool) -> None:
         say(_PERSON_KEYS, style="dim")
 
 
-def press(key: str, station: Station) -> None:
-    """Do what a key stands for; other keys do nothing."""
+def press(key: str, station: Station, seen: frozenset[int]) -> None:
+    """Do what a key stands for; other keys do nothing.
+
+    Args:
+        key: It.
+        station: What it is pressed for.
+        seen: Keys of the alarms that had been shown: a person acknowledges what they saw.
+    """
     if key == "q":
         station.stop()
     elif key == "a":
-        station.acknowledge()
+        station.acknowledge(seen)
+        if station.guard.alarms.sounding is not None:
+            station.say(_UNSEEN)
     elif key == "n":
         station.new_grasp()
     elif key in _REACTIONS:
@@ -72,7 +81,10 @@ class PrinterThread:
     """Prints in a thread of its own: a terminal that stands still must not stop the supervisor."""
 
     def __init__(self) -> None:
-        self._lines: queue.Queue[Text | None] = queue.Queue(maxsize=256)
+        self.shown: frozenset[int] = frozenset()
+        """Keys of the alarms of which all lines are printed."""
+        self._noted = self.shown
+        self._lines: queue.Queue[Text | frozenset[int] | None] = queue.Queue(maxsize=256)
         self._thread = threading.Thread(target=self._run, name="taxel printer", daemon=True)
         self._thread.start()
 
@@ -80,6 +92,13 @@ class PrinterThread:
         """Print a line soon; drop it where too many wait."""
         with suppress(queue.Full):
             self._lines.put_nowait(line)
+
+    def note(self, alarms: frozenset[int]) -> None:
+        """Let the alarms of these keys count as shown once all lines until now are printed."""
+        if alarms != self._noted:
+            with suppress(queue.Full):  # the next call tries again
+                self._lines.put_nowait(alarms)
+                self._noted = alarms
 
     def close(self) -> None:
         """Print what waits, for a second at most."""
@@ -89,7 +108,10 @@ class PrinterThread:
 
     def _run(self) -> None:
         while (line := self._lines.get()) is not None:
-            console.print(line, soft_wrap=True)
+            if isinstance(line, frozenset):
+                self.shown = line
+            else:
+                console.print(line, soft_wrap=True)
 
 
 class EventLines:

@@ -66,7 +66,8 @@ class FitOptions:
     """How a head is trained."""
 
     ahead: int = 0
-    """Frames by which training labels run ahead, so that a head learns to warn."""
+    """Frames by which training labels run ahead, so that a head learns to warn; never across an
+    outage of the cameras."""
     paper_settings: bool = False
     """Train as the paper did: batch 4, 100 epochs, constant step size, features not scaled."""
     seed: int = 0

@@ -19,7 +19,7 @@ from taxel.errors import BadDataset, BadTable
 from taxel.evaluation.audit.one_sensor import check_alike, check_cameras
 from taxel.evaluation.audit.touch_set import LEAST_ROWS, TouchSet, checked, joined
 from taxel.evaluation.audit.usable_rows import held_rows, sums_of
-from taxel.labels.trials import Trial, trials_of
+from taxel.labels.trials import Trial, ends_of_rows, trials_of
 from taxel.plain_text import number_of
 from taxel.recordings.imports.footage import open_footage
 from taxel.recordings.imports.importing import import_rows
@@ -28,7 +28,7 @@ from taxel.recordings.imports.video_rows import VideoRow, read_video_rows
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import CameraInfo, Mark
-from taxel.windows.camera_recordings import frame_sets
+from taxel.windows.camera_recordings import decoded, frame_sets
 from taxel.windows.camera_trials import TABLES, are_camera_trials
 from taxel.windows.checks import check_size
 
@@ -208,7 +208,7 @@ def _camera_recording(path: Path, first: Sequence[CameraInfo]) -> _Read:
         for i, frame in enumerate(found.frames):
             if fresh[i]:
                 shown[i] = frame.jpeg
-                grey[i] = _small_jpeg(frame.jpeg, recording.manifest.tactile[i])
+                grey[i] = _small_jpeg(frame.jpeg, recording.manifest.tactile[i], path)
         rows.append(np.concatenate(grey))
         times.append(found.time_s)
     files = {"software": recording.manifest.software}
@@ -224,10 +224,10 @@ def _camera_recording(path: Path, first: Sequence[CameraInfo]) -> _Read:
                  time_s=np.array(times), files=files)  # fmt: skip
 
 
-def _small_jpeg(jpeg: bytes, camera: CameraInfo) -> NDArray[np.float32]:
+def _small_jpeg(jpeg: bytes, camera: CameraInfo, path: Path) -> NDArray[np.float32]:
     from taxel.frame_codec import decode_grey_quarter
 
-    return _small(decode_grey_quarter(jpeg, camera))
+    return _small(decoded(jpeg, camera, path, decode_grey_quarter))
 
 
 def _small(grey: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -277,8 +277,9 @@ def _spans(read: _Read) -> Iterator[tuple[Trial, slice]]:
     if not len(read.rows):
         return
     bounds = float(read.time_s[0]), float(read.time_s[-1])
-    for trial in trials_of(Path(read.name), read.manifest, read.marks, *bounds):
-        ends = (trial.start_s - _SLACK_S, trial.end_s + _SLACK_S)
+    trials = trials_of(Path(read.name), read.manifest, read.marks, *bounds)
+    for trial, end_s in zip(trials, ends_of_rows(trials, _SLACK_S), strict=True):
+        ends = (trial.start_s - _SLACK_S, end_s)
         yield trial, slice(*np.searchsorted(read.time_s, ends).tolist())
 
 

@@ -100,7 +100,7 @@ def network_features(module: nn.Module, videos: Sequence[TouchVideo]) -> NDArray
 
 def crop_images(trial: CameraTrial) -> list[list[list[Image]]]:
     """Return the images that are looked at: a list a camera, in it one a crop."""
-    chosen = chosen_frames(trial.frames, trial.rate_hz)
+    chosen = chosen_frames(trial.frames, trial.rate_hz, trial.name)
     found = []
     for camera in range(len(trial.cameras)):
         images = trial.images(camera, chosen.ravel().tolist())

@@ -188,18 +188,21 @@ def load_trial_set(
         BadInput: The crop does not fit.
     """
     labelled = labelled_trials(trials, target)
-    sizes = {(trial.width, trial.height) for trial in trials}
+    sizes = {(trial.width, trial.height): trial.name for trial in reversed(trials)}
     if len(sizes) > 1:
-        raise BadDataset("images of one size in all trials",
-                         " and ".join(f"{w}×{h}" for w, h in sorted(sizes)[:3]),
+        each = (f"{w}×{h} in {name}" for (w, h), name in sorted(sizes.items())[:3])
+        raise BadDataset("images of one size in all trials", " and ".join(each),
                          "bring them to one size, or make a table of each")  # fmt: skip
     ((width, height),) = sizes
     if max(width, height) > LARGEST_RATIO * min(width, height):
         raise BadDataset(f"images whose sides differ by a factor of at most {LARGEST_RATIO}",
                          f"{width}×{height}", "cut them to what was touched")  # fmt: skip
     lengths = [trial.frames for trial in trials]
+    shortest = min(trials, key=lambda trial: trial.frames).name
     least, most = (chosen(trials, key=lambda trial: trial.rate_hz) for chosen in (min, max))
-    layout = choose_layout(lengths, crop, rate_hz=least.rate_hz, moving=sight.moving)
+    layout = choose_layout(
+        lengths, crop, rate_hz=least.rate_hz, moving=sight.moving, shortest_name=shortest
+    )
     if layout.crop > 1 and most.rate_hz > least.rate_hz * RATE_RANGE[1]:  # images have no rate
         raise BadDataset(
             f"trials of about one rate, within a factor of {RATE_RANGE[1]:g}",

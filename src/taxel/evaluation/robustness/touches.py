@@ -23,7 +23,7 @@ from taxel.decisions.unknown import NoveltyTest
 from taxel.errors import BadDataset
 from taxel.evaluation.robustness.curve import SessionAnswers
 from taxel.labels.joined import joined_label
-from taxel.labels.trials import Trial, trials_of
+from taxel.labels.trials import Trial, order_in_time, trials_of
 from taxel.plain_text import number_of
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import list_recordings, read_recording
@@ -285,15 +285,15 @@ def _level(
 def _first_touches(cuts: Sequence[_Cut], touches: ReferenceTouches) -> list[tuple[int, int]]:
     """Return (recording, touch) of a session's first touches of the known object.
 
-    As `windows.reference` takes them: recording by recording, by name, for each has its own clock.
+    As `windows.reference` takes them: in the order of time.
     """
     found = [
-        (trial.recording, trial.start_s, place, index)
+        (order_in_time(trial), place, index)
         for place, cut in enumerate(cuts)
         for index, trial in enumerate(cut.trials)
         if cut.own[index] and touches.matches(trial)
     ]
-    return [(place, index) for _, _, place, index in sorted(found)[: touches.count]]
+    return [(place, index) for _, place, index in sorted(found)[: touches.count]]
 
 
 def _label(trial: Trial, target: str) -> str:

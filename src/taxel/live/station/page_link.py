@@ -80,6 +80,8 @@ class ViewConfig:
     """A supervisor's tick that is older than this is a stall, seconds."""
     watchers: tuple[str, ...] = ()
     """Names of all grasp monitors."""
+    recognisers: tuple[tuple[str, str], ...] = ()
+    """Name and target of each recogniser."""
 
 
 @dataclass(slots=True)
@@ -331,12 +333,16 @@ class StationView:
 
 def _shown_array(seen: PageSeen) -> _Array:
     """Return a source's array, in newtons where it has a calibration."""
-    rate_hz = seen.sensor.rate_hz
-    gap_s = max(_GAP_S, _GAP_PERIODS / rate_hz if rate_hz > 0 else math.inf)
+    gap_s = trace_gap_s(seen.sensor)
     if seen.calibration is None:
         return _Array(seen.sensor, gap_s)
     newtons = LiveNewtons(read_calibration(seen.calibration), seen.sensor)
     return _Array(newtons.info, gap_s, newtons)
+
+
+def trace_gap_s(sensor: SensorInfo) -> float:
+    """Return how far apart two rows of an array may be that a line joins, seconds."""
+    return max(_GAP_S, _GAP_PERIODS / sensor.rate_hz if sensor.rate_hz > 0 else math.inf)
 
 
 def how_it_does(note: dict[str, Any], age_s: float) -> dict[str, Any]:

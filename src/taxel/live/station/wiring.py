@@ -208,6 +208,12 @@ class Wiring:
             beats=self._processes.beats_name,
             stall_s=self._config.interlock.stall_s,
             watchers=tuple(who for monitor in self.monitors for who in monitor.watchers),
+            recognisers=tuple(
+                (entry["who"], entry["target"])
+                for monitor in self.monitors
+                for entry in monitor.bundles
+                if entry["kind"] == "answer"
+            ),
         )
 
     def _calibrate(self, path: Path | None) -> Feed | None:

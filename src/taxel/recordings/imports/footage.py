@@ -213,7 +213,7 @@ class Images:
         """
         for file in self._files:
             rgb = _readable(file, decode_still)
-            _same_size(self, rgb)
+            _same_size(self, rgb, file.name)
             yield rgb
 
     def close(self) -> None:
@@ -312,11 +312,12 @@ def _readable(file: Path, read: Callable[[bytes], Result]) -> Result:
         ) from error  # fmt: skip
 
 
-def _same_size(footage: Footage, bgr: NDArray[np.generic]) -> None:
+def _same_size(footage: Footage, bgr: NDArray[np.generic], file: str = "") -> None:
     if bgr.shape[:2] != (footage.height, footage.width):
         raise BadTable(
             f"frames of {footage.width} × {footage.height} px throughout {footage.path}",
-            f"one of {bgr.shape[1]} × {bgr.shape[0]} px", "write it again at one size",
+            f"one of {bgr.shape[1]} × {bgr.shape[0]} px{f', {file}' if file else ''}",
+            "write it again at one size",
         )  # fmt: skip
 
 

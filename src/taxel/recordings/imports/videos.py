@@ -9,7 +9,8 @@ Background of our choices: docs/decisions/0012.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import combinations
 from pathlib import Path
 
@@ -88,7 +89,7 @@ def _import_row(row: VideoRow, path: Path) -> tuple[list[Footage], list[Pair]]:
         manifest = Manifest(
             sensor=NO_ARRAY, cameras=cameras, labels=dict(row.labels), groups=dict(row.groups)
         )
-        with Recorder(path, manifest) as recorder:
+        with naming(row.name), Recorder(path, manifest) as recorder:
             streams = [coloured(video) for video in videos.values()]
             same = list(combinations(range(len(streams)), 2))
             for index in range(max(video.count for video in videos.values())):
@@ -117,20 +118,34 @@ def _import_row(row: VideoRow, path: Path) -> tuple[list[Footage], list[Pair]]:
     return list(videos.values()), [(names[a], names[b]) for a, b in same]
 
 
+@contextmanager
+def naming(trial: str) -> Iterator[None]:
+    """Name a trial where the images of a file of it are not as they should be.
+
+    Raises:
+        BadTable: They are not.
+    """
+    try:
+        yield
+    except BadTable as error:
+        got = f"{error.got}, in the trial {trial}"
+        raise BadTable(error.needed, got, error.mend) from error
+
+
 def same_rate(name: str, videos: Mapping[str, Footage]) -> float:
     """Return the rate of a trial's videos, frames a second.
 
     Raises:
         BadTable: They differ.
     """
-    rates = {round(video.rate_hz, 3) for video in videos.values()}
+    rates = {round(video.rate_hz, 3): video.path for video in videos.values()}
     if len(rates) > 1:
+        each = (f"{rate:g} Hz in {path}" for rate, path in sorted(rates.items()))
         raise BadTable(
-            "videos of one rate",
-            f"{' and '.join(f'{rate:g} Hz' for rate in sorted(rates))} in {name}",
+            f"videos of one rate in the trial {name}", " and ".join(each),
             "give the true rate in the column rate, or record again",
-        )
-    return rates.pop()
+        )  # fmt: skip
+    return next(iter(rates))
 
 
 def same_length(name: str, videos: Mapping[str, Footage]) -> int:
@@ -141,8 +156,10 @@ def same_length(name: str, videos: Mapping[str, Footage]) -> int:
     """
     counts = [video.count for video in videos.values()]
     if max(counts) - min(counts) > LARGEST_DIFFERENCE:
+        each = (f"{video.count} in {video.path}" for video in videos.values())
         raise BadTable(
-            f"videos whose lengths differ by {LARGEST_DIFFERENCE} frames at most",
-            f"{' and '.join(map(str, counts))} in {name}", "cut them to the same moments",
+            f"videos whose lengths differ by {LARGEST_DIFFERENCE} frames at most in the trial "
+            f"{name}",
+            " and ".join(each), "cut them to the same moments",
         )  # fmt: skip
     return min(counts)

@@ -16,6 +16,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import permutations, product
+from pathlib import Path
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -24,11 +25,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from taxel.errors import BadDataset, BadInput
-from taxel.frame_codec import decode_jpeg
 from taxel.plain_text import number_of
 from taxel.side_by_side import SideBySide
 from taxel.signals import CameraInfo
-from taxel.windows.camera_recordings import CameraRecording, frame_sets
+from taxel.windows.camera_recordings import CameraRecording, decoded, frame_sets
 from taxel.windows.rest import SETTLE
 from taxel.windows.sequence import label_windows
 
@@ -251,19 +251,18 @@ class Lanes:
         return np.full(self._pours[recording].image.shape, np.nan, np.float32)
 
 
-def _files(pour: CameraRecording) -> list[tuple[bytes, CameraInfo]]:
-    """Return a recording's different images as they lie there, each with its camera."""
-    files: list[tuple[bytes, CameraInfo]] = []
+def _files(pour: CameraRecording) -> list[tuple[bytes, CameraInfo, Path]]:
+    """Return a recording's different images as they lie there, each with its camera and file."""
+    files: list[tuple[bytes, CameraInfo, Path]] = []
     for found, row in zip(frame_sets(pour.path, len(pour.cameras)), pour.image, strict=True):
         for frame, number in zip(found.frames, row, strict=True):
             if number == len(files):
-                files.append((frame.jpeg, pour.cameras[frame.camera]))
+                files.append((frame.jpeg, pour.cameras[frame.camera], pour.path))
     return files
 
 
-def _decode(file: tuple[bytes, CameraInfo]) -> NDArray[np.uint8]:
-    jpeg, camera = file
-    return decode_jpeg(jpeg, camera)
+def _decode(file: tuple[bytes, CameraInfo, Path]) -> NDArray[np.uint8]:
+    return decoded(*file)
 
 
 def _stack(stretches: list[_Stretch], multiple: int) -> Batch:

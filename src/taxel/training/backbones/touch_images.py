@@ -18,10 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
-from taxel.frame_codec import decode_jpeg
 from taxel.recordings.imports.footage import Video
 from taxel.recordings.imports.known import gelsight_slip_rows
-from taxel.windows.camera_recordings import CameraRecording, frame_sets, read_camera_recordings
+from taxel.windows.camera_recordings import (
+    CameraRecording,
+    decoded,
+    frame_sets,
+    read_camera_recordings,
+)
 
 GROUPS = ("object", "cup")
 """Groups of a recording that name what was touched; the first that it has counts."""
@@ -169,7 +173,7 @@ def _of_recording(pour: CameraRecording, count: int) -> Iterator[Image]:
         for frame, number in zip(found.frames, row, strict=True):
             if int(number) in wanted:
                 wanted.discard(int(number))
-                yield _sized(decode_jpeg(frame.jpeg, pour.cameras[frame.camera]))
+                yield _sized(decoded(frame.jpeg, pour.cameras[frame.camera], pour.path))
 
 
 def _of_file(path: Path, count: int) -> Iterator[Image]:

@@ -94,12 +94,13 @@ def read_folders(
     return without(videos, left_out)
 
 
-def chosen_frames(frames: int, rate_hz: float) -> NDArray[np.intp]:
+def chosen_frames(frames: int, rate_hz: float, trial: str = "") -> NDArray[np.intp]:
     """Return the numbers of the frames that are looked at, shape (stretches, images).
 
     Args:
         frames: Of the video.
         rate_hz: Of the video, frames a second.
+        trial: Its name, for the message.
 
     Raises:
         BadDataset: A stretch is longer than the video.
@@ -108,7 +109,8 @@ def chosen_frames(frames: int, rate_hz: float) -> NDArray[np.intp]:
     length = apart * IMAGES
     if frames < length:
         raise BadDataset(
-            f"videos of at least {length} frames ({APART_S * IMAGES:.2g} s)", str(frames),
+            f"videos of at least {length} frames ({APART_S * IMAGES:.2g} s)",
+            f"{frames}{f' in {trial}' if trial else ''}",
             "leave shorter ones out",
         )  # fmt: skip
     last = frames - length
@@ -150,7 +152,7 @@ def without(videos: Sequence[TouchVideo], values: Sequence[str]) -> list[TouchVi
 
 
 def _videos_of(folder: str, trial: CameraTrial) -> list[TouchVideo]:
-    chosen = chosen_frames(trial.frames, trial.rate_hz)
+    chosen = chosen_frames(trial.frames, trial.rate_hz, trial.name)
     slip_um = np.full(chosen.shape, np.nan, np.float32)
     if trial.slip_um is not None:
         slip_um = trial.slip_um[chosen].astype(np.float32)

@@ -22,10 +22,9 @@ from numpy.typing import NDArray
 from taxel.errors import BadFile, RecordingFailed
 from taxel.foreign.archives import LARGEST_ARRAYS, array_of
 from taxel.foreign.files import read_bytes
-from taxel.frame_codec import decode_jpeg
 from taxel.held import MADE, scratch_folder
 from taxel.side_by_side import SideBySide
-from taxel.windows.camera_recordings import CameraRecording, camera_images, frame_sets
+from taxel.windows.camera_recordings import CameraRecording, camera_images, decoded, frame_sets
 from taxel.windows.rest import SETTLE, compared, settled
 from taxel.windows.sequence import whole_windows
 
@@ -175,7 +174,7 @@ def _compute(pour: CameraRecording, extractor: Extractor) -> NDArray[np.float32]
 
     def features(batch: list[tuple[bytes, int]]) -> NDArray[np.float32]:
         return extractor.of(
-            beside.map(lambda file: decode_jpeg(file[0], pour.cameras[file[1]]), batch)
+            beside.map(lambda file: decoded(file[0], pour.cameras[file[1]], pour.path), batch)
         )
 
     rest = _at_rest(pour, features) if extractor.places else None

@@ -20,7 +20,12 @@ from taxel.plain_text import number_of
 from taxel.training.curves import Epoch, thinned
 from taxel.training.frames.features import FrameFeatures
 from taxel.windows.rest import SETTLE, Tare, seen, settled
-from taxel.windows.sequence import label_windows, sequence_windows, window_starts
+from taxel.windows.sequence import (
+    label_windows,
+    labels_ahead,
+    sequence_windows,
+    window_starts,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,15 +228,9 @@ def _places(
     for number, track in enumerate(tracks):
         starts = window_starts(len(track), config.frames, config.stride, track.time_s, track.gap_s)
         where.append(np.stack([np.full(len(starts), number, np.intp), starts], axis=1))
-        known = label_windows(_ahead(track.labels, config.ahead), config.frames)
-        labels.append(known[starts])
+        ahead = labels_ahead(track.labels, config.ahead, track.time_s, track.gap_s)
+        labels.append(label_windows(ahead, config.frames)[starts])
     return np.concatenate(where), np.concatenate(labels).astype(np.float32)
-
-
-def _ahead(labels: NDArray[np.int8], frames: int) -> NDArray[np.int8]:
-    """Return the largest of each frame's label and those of the next frames, shape (n,)."""
-    padded = np.concatenate([labels, np.repeat(labels[-1:], frames)])
-    return label_windows(padded, frames + 1)
 
 
 class _Batches:

@@ -17,6 +17,7 @@ from taxel.labels.change import ChangeConfig, change_signal, excess_of, label_ch
 from taxel.labels.corrections import Correction, apply_correction, read_corrections
 from taxel.labels.rules import rule_named
 from taxel.labels.slip import label_truth
+from taxel.plain_text import number_of
 from taxel.sim.pour.state import TRUTH_CHANNELS, has_truth
 from taxel.training.frames.features import Progress, extract
 from taxel.training.frames.jobs import fill_cache
@@ -47,9 +48,20 @@ def change_signals(
     config: ChangeConfig | None = None,
     on_progress: Callable[[Progress], None] = lambda _: None,
 ) -> list[NDArray[np.float32]]:
-    """Return each pour's change signal, shape (n, cameras)."""
+    """Return each pour's change signal, shape (n, cameras).
+
+    Raises:
+        BadDataset: A video ends before the settled stretch does.
+    """
     config = config or ChangeConfig()
     extractors = [ChangeExtractor(config.settled(rate_of(pour))) for pour in pours]
+    for pour, extractor in zip(pours, extractors, strict=True):
+        if len(pour) < extractor.settled.stop:
+            raise BadDataset(
+                f"videos of at least {number_of(extractor.settled.stop, 'frame')} "
+                f"({config.settled_to_s:g} s)",
+                f"{len(pour)} in {pour.path}", "record for longer, or leave it out",
+            )  # fmt: skip
     fill_cache(pours, extractors, cache, on_progress)
     found = []
     for pour, extractor in zip(pours, extractors, strict=True):

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadInput, MissingExtra
-from taxel.frame_codec import decode_jpeg
-from taxel.windows.camera_recordings import CameraRecording, frame_sets
+from taxel.windows.camera_recordings import CameraRecording, decoded, frame_sets
 
 CALIBRATION_FRAMES = 64
 """Images that set the ranges of the 8-bit numbers. Source: our choice; noise will not do
@@ -77,4 +76,4 @@ def _spread(pour: CameraRecording, count: int) -> Iterator[NDArray[np.uint8]]:
     for index, found in enumerate(frame_sets(pour.path, cameras)):
         if index in wanted:
             frame = found.frames[wanted[index]]
-            yield decode_jpeg(frame.jpeg, pour.cameras[frame.camera])
+            yield decoded(frame.jpeg, pour.cameras[frame.camera], pour.path)

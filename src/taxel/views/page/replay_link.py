@@ -22,7 +22,12 @@ from numpy.typing import NDArray
 from taxel.clock import Clock, SystemClock
 from taxel.decisions.reasons import REASONS
 from taxel.image_head import is_sound
-from taxel.live.station.page_link import draw_depth, need_depth_pictures, shown_unit
+from taxel.live.station.page_link import (
+    draw_depth,
+    need_depth_pictures,
+    shown_unit,
+    trace_gap_s,
+)
 from taxel.recordings.chunk_content import ChunkContent
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import read_manifest
@@ -36,6 +41,7 @@ _BINS = 600
 """Of the overview, at most. Source: our choice; about one for two pixels."""
 _MOST_SERIES = 12
 """Channels drawn in the overview, the first of them."""
+_TINY_S = 1e-6
 _CHUNKS_KEPT = 4
 """Opened chunks in memory, about 0.1 s of images each."""
 
@@ -60,6 +66,9 @@ class ReplayLink:
         self._index = read_index(path, self._manifest)
         self._start_s, self._end_s = self._index.start_s, self._index.end_s
         self._low, self._span = _scale(self._manifest, self._index.values)
+        self._gap_s = trace_gap_s(self._manifest.sensor)
+        self._after_gap = np.flatnonzero(np.diff(self._index.time_s) > self._gap_s) + 1
+        """Rows before which nothing came for so long that no line leads to them."""
         self._lock = threading.Lock()
         self._cursor_s = self._start_s
         self._speed = 1.0
@@ -199,13 +208,20 @@ class ReplayLink:
         first, last = np.searchsorted(index.time_s, [after_s, cursor_s], side="right").tolist()
         chosen = np.arange(first, last)
         chosen = chosen[chosen % 2 == 0]  # 50 a second; the same ones whenever they are asked for
+        broken = self._after_gap[(self._after_gap >= first) & (self._after_gap < last)]
+        time_s = np.concatenate([index.time_s[chosen], index.time_s[broken] - _TINY_S])
+        nothing = np.full((len(broken), index.values.shape[1]), np.nan, np.float32)
+        values = np.concatenate([index.values[chosen], nothing])
+        order = np.argsort(time_s, kind="stable")
         rows = index.values[max(0, last - _MAP_ROWS) : last]
+        if len(rows) and cursor_s - index.time_s[last - 1] > self._gap_s:
+            rows = np.concatenate([rows[1:], np.full_like(rows[:1], np.nan)])  # what is now
         return {
             "time_s": cursor_s,
             "probability": {"t": [], "p": []},
             "sensors": {
-                "t": index.time_s[chosen].tolist(),
-                "values": index.values[chosen].T.tolist(),
+                "t": time_s[order].tolist(),
+                "values": values[order].T.tolist(),
             },
             "map": np.clip((rows - self._low) / self._span, 0.0, 1.0).tolist()
             if rows.size

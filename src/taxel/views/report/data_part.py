@@ -9,6 +9,7 @@ import numpy as np
 
 from taxel.evaluation.cards.data import DataCard, trial_counts
 from taxel.evaluation.run_scores import split_groups
+from taxel.name_order import counting_order
 from taxel.plain_text import number_of
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
@@ -127,7 +128,7 @@ def drawn_split(predictions: Predictions) -> Html:
 
 def _sides(found: Predictions, name: str) -> Html:
     values = np.array([trial.groups[name] for trial in found.trials])
-    columns = sorted(set(values.tolist()), key=_natural)
+    columns = sorted(set(values.tolist()), key=counting_order)
     names = [_tail(column, columns) for column in columns]
     kind = "tall" if max(map(len, names)) > _LONG else ""
     head = join([tag("th", name, kind) for name in names])
@@ -202,18 +203,3 @@ def _tail(name: str, names: list[str]) -> str:
         head = head[:-1]
     cut = max(head.rfind(mark) for mark in "-_/ ") + 1
     return name[cut:] or name
-
-
-def _natural(name: str) -> tuple[object, ...]:
-    """Return a sorting key that puts session-10 after session-9."""
-    parts: list[object] = []
-    digits = ""
-    for letter in name + " ":
-        if letter.isdigit():
-            digits += letter
-            continue
-        if digits:
-            parts.append((0, int(digits), ""))
-            digits = ""
-        parts.append((1, 0, letter))
-    return tuple(parts)
