@@ -142,6 +142,19 @@ def test_train_says_which_share_of_windows_live_would_name():
     assert "live would name" not in shown(judged(0.8))
 
 
+def test_windows_that_stand_at_the_limit_are_not_named_live():
+    """Live answers UNKNOWN to them, however sure the model is."""
+    sure = judged(0.8)
+    first, every = (replace(sure, at_limit=np.arange(4) < count) for count in (1, 4))
+    both = replace(judged(0.45), at_limit=np.arange(4) < 1)
+
+    assert "\nlive would name 75.0 % of these test windows, 33.3 % of them rightly;" in shown(first)
+    assert "as a channel stands at the converter's limit in all rows of 1 window;" in shown(first)
+    assert "confidence is below" not in shown(first)
+    assert "warning: live would answer UNKNOWN to all of these test windows, as a" in shown(every)
+    assert "confidence is below 0.5 (taxel live --least-confidence), or a channel" in shown(both)
+
+
 def test_baselines_that_have_nothing_to_go_by_are_not_in_the_table():
     line = "carry no information here: place in the trial, length of the trial, session"
     assert line in shown(judged(0.8))
