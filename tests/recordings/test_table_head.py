@@ -136,3 +136,8 @@ def test_a_name_with_a_unit_behind_it_is_asked_for_by_its_number(tmp_path, head,
     with pytest.raises(BadTable, match="needed the column 'a'") as caught:
         read(tmp_path / "a.csv", "a[V]")
     assert caught.value.mend.startswith(mend)
+
+
+def test_a_time_whose_name_holds_a_unit_is_asked_for_with_a_unit_of_time():
+    with pytest.raises(BadTable, match=r"write its number from 1, as in 2\[ms\]"):
+        parse_time("Zeit [ms][ms]", "here")
