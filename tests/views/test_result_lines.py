@@ -80,6 +80,9 @@ def test_a_leaderboard_says_what_a_try_on_a_part_of_the_windows_is():
     ))  # fmt: skip
 
     assert "“1 of N”: tried on one in N of the stretches" in printed(leaderboard(choice), 200)
+    assert "on 5 inner folds, session held out" in printed(leaderboard(choice), 200)
+    choice.folds = 1  # type: ignore[misc]  # a namespace here
+    assert "on 1 inner fold, session held out" in printed(leaderboard(choice), 200)
 
 
 def judged(confidence: float, windows_a_trial: int = 1, shared: bool = False) -> Predictions:
