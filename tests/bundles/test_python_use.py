@@ -72,3 +72,16 @@ def test_a_bundle_needs_a_network_and_a_window(tmp_path: Path) -> None:
             write_bundle(tmp_path / "a.taxel", own, contract(), values, MASK[: len(values)])
 
     assert not list(tmp_path.iterdir())
+
+
+def test_a_model_larger_than_a_bundle_is_refused_before_its_export(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A forest of thousands of windows: its export takes hours, and no reader would open it."""
+    monkeypatch.setattr("taxel.bundles.writer.LARGEST_BYTES", 1000)
+    monkeypatch.setattr("taxel.bundles.writer.export_onnx", None)
+    networks = (new_network(lambda: Cnn2d(12, 12, 3), 0),)
+
+    with pytest.raises(BadInput, match=r"needed a model of at most 1,000 bytes.*--max-mb"):
+        write_bundle(tmp_path / "a.taxel", networks, contract(), VALUES, MASK)
+    assert not (tmp_path / "a.taxel").exists()

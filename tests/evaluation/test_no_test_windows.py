@@ -1,5 +1,6 @@
 """A gate may leave a fold nothing to test: its trials are not scored, and the others are."""
 
+from dataclasses import replace
 from itertools import count
 
 import numpy as np
@@ -63,6 +64,19 @@ def test_a_fold_without_test_windows_is_not_scored(hand: tuple[Base, Prepared]):
     assert set(found.predictions.fold.tolist()) == {0}
     assert found.bars["channel means"][1].trials == 4
     assert set(found.trivial) >= {"majority", "channel means"}
+
+
+def test_windows_at_the_limit_are_known_of_what_was_tested(hand: tuple[Base, Prepared]):
+    """Live answers UNKNOWN to them, which train must say beside an accuracy that counts them."""
+    base, prepared = hand
+    windows = replace(prepared.dataset.windows, saturated=np.ones(len(prepared.trial)))
+    full = replace(prepared, dataset=replace(prepared.dataset, windows=windows))
+    split = Split("by turns", (fold("a", 0, 4),), None)
+
+    found = check_choosing(base, [full], split, effort()).predictions
+
+    assert found.at_limit is not None
+    assert found.at_limit.all()
 
 
 def test_a_split_without_test_windows_is_refused(hand: tuple[Base, Prepared]):

@@ -98,7 +98,7 @@ def test_labels_are_texts_whole_numbers_or_one_hot_rows(tmp_path, labels, expect
     [
         (np.zeros((6, 9)), "one value for each trial, or a one-hot row; got y in .*: 6 × 9"),
         (np.zeros((6, 9, 2)), "one value for each trial"),
-        (np.array([1.0, np.nan] * 3), "a value for each trial; got nan"),
+        (np.array([1.0, np.nan] * 3), "a value for each trial; got nothing for trial 2 in"),
         (np.array(["a", "", "b", "c", "d", "e"]), "nothing for trial 2 in y"),
         (np.arange(5), "a value for each of 6 trials; got 5 by from:y"),
     ],

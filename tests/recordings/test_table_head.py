@@ -123,3 +123,21 @@ def test_a_first_row_of_overloads_is_no_line_of_units(tmp_path):
     (tmp_path / "a.csv").write_text("a,b\nOL,ovld\n1.5,-2\n2.5,3\n")
     columns, time = parse_columns("a[V] b[V]", "here"), parse_time("rate:10Hz", "here")
     assert len(read_table(tmp_path / "a.csv", columns, time, "keep").values) == 3
+
+
+@pytest.mark.parametrize(("head", "mend"), [
+    ("t,a [V],b [V]", "write its number, 2, since its name holds blanks or brackets"),
+    ("t,a(V),b(V)", "write its number, 2, since"),
+    ("t,a left,a right", "correct it"),
+])  # fmt: skip
+def test_a_name_with_a_unit_behind_it_is_asked_for_by_its_number(tmp_path, head, mend):
+    """As such a name, or only one of several, cannot be written in the column channels."""
+    (tmp_path / "a.csv").write_text(f"{head}\n{ROWS}")
+    with pytest.raises(BadTable, match="needed the column 'a'") as caught:
+        read(tmp_path / "a.csv", "a[V]")
+    assert caught.value.mend.startswith(mend)
+
+
+def test_a_time_whose_name_holds_a_unit_is_asked_for_with_a_unit_of_time():
+    with pytest.raises(BadTable, match=r"write its number from 1, as in 2\[ms\]"):
+        parse_time("Zeit [ms][ms]", "here")

@@ -47,6 +47,20 @@ def test_predictions_know_which_windows_were_trained_on_in_each_fold(run: Run):
         assert (tested + found.trained[fold] == 3).all()
 
 
+def test_predictions_know_which_windows_stand_at_the_limit():
+    dataset = make_dataset(sessions=3)
+    last = np.arange(len(dataset)) == len(dataset) - 1
+    windows = replace(dataset.windows, saturated=last.astype(np.float32))
+    split = by_group(dataset, "shape", "session", 3, 0)
+    job = Job(model="extra-trees", target="shape")
+    results = [run_fold(dataset, fold, job) for fold in split.folds]
+
+    found = predictions_of(replace(dataset, windows=windows), split, results, "shape")
+
+    assert found.at_limit is not None
+    assert np.array_equal(found.at_limit, last[np.concatenate([own.test for own in results])])
+
+
 def test_a_run_comes_back_with_its_predictions_baselines_and_command(run: Run, tmp_path: Path):
     save_run(tmp_path / "run", run)
 

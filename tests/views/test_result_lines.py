@@ -80,6 +80,9 @@ def test_a_leaderboard_says_what_a_try_on_a_part_of_the_windows_is():
     ))  # fmt: skip
 
     assert "“1 of N”: tried on one in N of the stretches" in printed(leaderboard(choice), 200)
+    assert "on 5 inner folds, session held out" in printed(leaderboard(choice), 200)
+    choice.folds = 1  # type: ignore[misc]  # a namespace here
+    assert "on 1 inner fold, session held out" in printed(leaderboard(choice), 200)
 
 
 def judged(confidence: float, windows_a_trial: int = 1, shared: bool = False) -> Predictions:
@@ -140,6 +143,19 @@ def test_train_says_which_share_of_windows_live_would_name():
     assert "confidence is below 0.5" in silent
     assert "\nlive would name 50.0 % of these test windows, 50.0 % of them rightly;" in half
     assert "live would name" not in shown(judged(0.8))
+
+
+def test_windows_that_stand_at_the_limit_are_not_named_live():
+    """Live answers UNKNOWN to them, however sure the model is."""
+    sure = judged(0.8)
+    first, every = (replace(sure, at_limit=np.arange(4) < count) for count in (1, 4))
+    both = replace(judged(0.45), at_limit=np.arange(4) < 1)
+
+    assert "\nlive would name 75.0 % of these test windows, 33.3 % of them rightly;" in shown(first)
+    assert "as a channel stands at the converter's limit in all rows of 1 window;" in shown(first)
+    assert "confidence is below" not in shown(first)
+    assert "warning: live would answer UNKNOWN to all of these test windows, as a" in shown(every)
+    assert "confidence is below 0.5 (taxel live --least-confidence), or a channel" in shown(both)
 
 
 def test_baselines_that_have_nothing_to_go_by_are_not_in_the_table():

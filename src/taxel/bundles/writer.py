@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,11 +18,12 @@ from torch import Tensor, nn
 
 from taxel.bundles.contract import LARGEST_DIFFERENCE, Contract
 from taxel.bundles.engine import largest_difference
-from taxel.bundles.envelope import signed
+from taxel.bundles.envelope import LARGEST_BYTES, signed
 from taxel.bundles.files import bundle_bytes
 from taxel.bundles.reader import Bundle
 from taxel.bundles.signing import Signer
 from taxel.errors import BadBundle, BadInput
+from taxel.foreign.files import in_words
 from taxel.models.heads import TreesHead
 from taxel.models.tree_operator import OPSETS
 from taxel.recordings.whole import write_whole
@@ -65,7 +67,8 @@ def write_bundle(
 
     Raises:
         BadBundle: The exported model gives other probabilities than the networks.
-        BadInput: There is no network or no window, or the windows are not the contract's.
+        BadInput: There is no network or no window, the windows are not the contract's, or the
+            networks are larger than a bundle may be.
         RecordingFailed: The disk refused.
     """
     if not networks or not len(values):
@@ -73,6 +76,7 @@ def write_bundle(
         raise BadInput(
             "networks, and windows to measure parity on", got, "give one or more of each"
         )
+    refuse_large(networks)
     values, mask = np.asarray(values, np.float32), np.asarray(mask, np.bool_)
     classifier = Classifier(networks).eval()
     model = export_onnx(classifier, contract.window.steps, len(contract.channels))
@@ -92,6 +96,26 @@ def write_bundle(
     whole = bundle_bytes(contract, model, values[part], mask[part], wanted[part])
     write_whole(path, whole if signer is None else signed(whole, signer))
     return contract
+
+
+def refuse_large(networks: Sequence[nn.Module]) -> None:
+    """Refuse networks larger than a bundle may be, before hours of export.
+
+    Raises:
+        BadInput: They are, as a forest that grew on thousands of windows is.
+    """
+    size = sum(
+        part.numel() * part.element_size()
+        for network in networks
+        for part in network.state_dict().values()
+    )
+    if size > LARGEST_BYTES:
+        raise BadInput(
+            f"a model of at most {in_words(LARGEST_BYTES)}, as large as a bundle may be",
+            f"one of {in_words(size)}",
+            "train on fewer windows or with another --model, or without one: the search keeps "
+            "to --max-mb",
+        )
 
 
 def export_onnx(classifier: nn.Module, steps: int, channels: int) -> bytes:

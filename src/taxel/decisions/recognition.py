@@ -135,6 +135,11 @@ def decide(
     )  # fmt: skip
 
 
+def at_limit(windows: Windows) -> NDArray[np.bool_]:
+    """Return in which windows a channel stands at the converter's limit in all rows, shape (n,)."""
+    return np.asarray(windows.saturated > RecogniseConfig().most_saturated)
+
+
 def unlike(p: float) -> str:
     """Return why touch is UNKNOWN that known touch is as novel as this with probability p."""
     return f"novel touch (p = {p:.2g})"

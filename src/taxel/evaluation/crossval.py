@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.decisions.recognition import at_limit
 from taxel.errors import BadInput, BadSplit
 from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
 from taxel.evaluation.part_scores import Parts, score_parts
@@ -207,4 +208,5 @@ def predictions_of(
         fold=np.repeat(np.arange(len(results)), [len(result.test) for result in results]),
         y=np.concatenate([result.y for result in results]),
         probabilities=np.concatenate([result.probabilities for result in results]),
+        at_limit=at_limit(dataset.windows)[test],
     )

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from taxel.decisions.joining import Joining
+from taxel.decisions.recognition import at_limit
 from taxel.errors import BadSplit
 from taxel.evaluation.bars import BARS, FEWEST_ROWS, bar_probabilities
 from taxel.evaluation.baselines import trivial_right
@@ -306,6 +307,9 @@ def _predictions(base: Base, split: Split, tested: Sequence[_Tested]) -> Predict
         fold=np.repeat(np.arange(len(tested)), [len(own.index) for own in tested]),
         y=base.y[trial],
         probabilities=np.concatenate([own.probabilities for own in tested]),
+        at_limit=np.concatenate(
+            [at_limit(own.prepared.dataset.windows)[own.index] for own in tested]
+        ),
     )
 
 

@@ -264,11 +264,21 @@ def unnamed_line(predictions: Predictions) -> str | None:
         predictions: For each test window.
     """
     least = RecogniseConfig().least_confidence
-    named = predictions.probabilities.max(axis=1) >= least
+    sure = predictions.probabilities.max(axis=1) >= least
+    limit = np.zeros(len(sure), bool) if predictions.at_limit is None else predictions.at_limit
+    named = sure & ~limit
     share = float(named.mean())
     if share > 1.0 - LEAST_UNNAMED:
         return None
-    asked = f"as its confidence is below {least:g} (taxel live --least-confidence)"
+    reasons = []
+    if (~sure & ~limit).any():
+        reasons.append(f"its confidence is below {least:g} (taxel live --least-confidence)")
+    if limit.any():
+        rows_of = "them" if limit.all() else number_of(int(limit.sum()), "window")
+        reasons.append(f"a channel stands at the converter's limit in all rows of {rows_of}")
+    if limit.mean() >= LEAST_UNNAMED:
+        reasons[-1] += "; if that is a dead channel, import again without it"
+    asked = f"as {', or '.join(reasons)}"
     if not share:
         return f"warning: live would answer UNKNOWN to all of these test windows, {asked}"
     right = f"{100 * predictions.correct[named].mean():.1f} % of them rightly"
@@ -276,7 +286,10 @@ def unnamed_line(predictions: Predictions) -> str | None:
         f"live would name {100 * share:.1f} % of these test windows, {right}; it answers UNKNOWN "
         f"to the others, {asked}"
     )
-    return f"warning: {sentence}; record more" if share < FEW_NAMED else sentence
+    if share >= FEW_NAMED:
+        return sentence
+    more = "; record more" if sure.mean() < FEW_NAMED else ""
+    return f"warning: {sentence}{more}"
 
 
 def blind_baselines(predictions: Predictions) -> tuple[str, ...]:

@@ -54,6 +54,9 @@ class Predictions:
     """Shape (n,): true class, an index into `classes`."""
     probabilities: NDArray[np.float64]
     """Shape (n, classes)."""
+    at_limit: NDArray[np.bool_] | None = None
+    """Shape (n,): whether a channel stands at the converter's limit in all rows of the window, so
+    that live answers UNKNOWN; None where that is not known. Not kept beside a run."""
 
     def __len__(self) -> int:
         return len(self.y)

@@ -18,7 +18,7 @@ from taxel.evaluation.audit.evidence import _auc, deal_out, evidence_of, gap_p, 
 from taxel.evaluation.audit.finding import holm
 from taxel.evaluation.audit.reading import read_touch
 from taxel.evaluation.audit.sides import table_sides
-from taxel.evaluation.audit.touch_set import TouchSet, honest_key
+from taxel.evaluation.audit.touch_set import TouchSet, checked, honest_key
 from taxel.sim.teng.hand import TengHandConfig
 from taxel.sources.simulated.data_sets import write_sessions
 
@@ -294,3 +294,15 @@ def _table(folder: Path, *lines: str) -> Path:
     with path.open("w", newline="") as file:
         csv.writer(file).writerows(line.split(",") for line in lines)
     return path
+
+
+def test_a_set_of_measured_figures_is_refused_in_few_words(make_set: Make) -> None:
+    """A class for each trial is no lack of trials: there are too many values to be classes."""
+    touch = make_set["array"]()
+    trials = [replace(trial, labels={"force": f"{i / 7:.3f}"})
+              for i, trial in enumerate(touch.trials)]  # fmt: skip
+
+    with pytest.raises(BadDataset, match="looks like a measured figure") as caught:
+        checked(replace(touch, trials=tuple(trials), target="force"))
+    assert "classes, such as 0.000, 0.143, 0.286" in caught.value.got
+    assert len(str(caught.value)) < 500

@@ -176,6 +176,8 @@ def _as_json(
 
 def _print(training: RecipeTraining, run: Run, checked: Checked | None, *, replaced: bool) -> None:
     """Print the cross-validation, what was written where, and the commands that may follow."""
+    from taxel.bundles.writer import refuse_large
+
     output, table = training.output, training.given.table
     if checked is not None:
         print_checked(checked)
@@ -188,6 +190,11 @@ def _print(training: RecipeTraining, run: Run, checked: Checked | None, *, repla
         say(f"trained on the training part of {table} only: its test part stays unseen")
     if run.contract.unknown is not None:
         say(_novelty_line(run.contract.unknown))
+    try:
+        refuse_large(run.networks)
+    except BadInput as error:
+        say(f"warning: it can be neither bundled nor reported: {error}", style="yellow")
+        return
     say(f"next: {command('taxel', 'bundle', output, '--output', f'{output}.taxel')}")
     if checked is not None:
         say(f"or:   {command('taxel', 'report', output, '--output', 'report.html')}")

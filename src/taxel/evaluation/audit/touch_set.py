@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
-from taxel.labels.class_order import in_order
+from taxel.labels.class_order import figures_as_classes, in_order
 from taxel.labels.trials import OBJECTS, SESSIONS, Trial
 from taxel.plain_text import number_of
 from taxel.signals import SensorInfo
@@ -26,6 +26,9 @@ from taxel.windows.windower import Windows
 
 LEAST_TRIALS = 8
 """Fewer labelled trials allow no statement. Source: our choice, docs/decisions/0023."""
+
+_SHOWN_CLASSES = 8
+"""Classes that a message lists. Source: our choice, docs/decisions/0023."""
 
 LEAST_ROWS = 3
 """A shorter trial shows neither a start nor a change. Source: our choice, docs/decisions/0023."""
@@ -143,11 +146,15 @@ def checked(touch: TouchSet) -> TouchSet:
         BadDataset: There are too few trials, one class only, or one trial a class.
     """
     if len(touch) < LEAST_TRIALS or not 1 < len(touch.classes) < len(touch):
+        shown = ", ".join(touch.classes[:_SHOWN_CLASSES]) or "none"
+        if len(touch.classes) > _SHOWN_CLASSES:
+            shown = f"{len(touch.classes)} classes, such as {shown}"
+        labels = [trial.labels[touch.target] for trial in touch.trials]
         raise BadDataset(
             f"at least {LEAST_TRIALS} trials of at least two classes of {touch.target!r}, several "
             "of a class",
-            f"{len(touch)} of {', '.join(touch.classes) or 'none'}",
-            "record or import more of them",
+            f"{len(touch)} of {shown}",
+            figures_as_classes(labels, touch.target) or "record or import more of them",
         )
     return touch
 

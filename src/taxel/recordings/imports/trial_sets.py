@@ -346,6 +346,8 @@ def _number_text(value: np.generic, what: str) -> str:
     if isinstance(number, bool):
         return str(number).lower()
     if isinstance(number, float):
+        if math.isnan(number):
+            return ""  # refused with the trial's number
         if not math.isfinite(number):
             raise BadTable("a value for each trial", f"{number} in {what}", "fill it in")
         return str(int(number)) if number.is_integer() and abs(number) < 1e15 else str(value)
@@ -356,8 +358,9 @@ def _filled(texts: list[str], what: str) -> list[str]:
     for number, text in enumerate(texts, start=1):
         if not text.strip() or len(text) > LONGEST_TEXT:
             raise BadTable(
-                "a value for each trial", f"nothing for trial {number} in {what}", "fill it in"
-            )
+                "a value for each trial", f"nothing for trial {number} in {what}",
+                "fill it in, or take that trial out of the file",
+            )  # fmt: skip
     return texts
 
 

@@ -47,8 +47,8 @@ def leaderboard(choice: Choice, *, repeated: bool = False) -> RenderableType:
     """
     when = "in the run that is repeated, " if repeated else ""
     table = result_table(
-        f"{visible(choice.target)} · {when}the saved model was chosen on {choice.folds} "
-        f"inner folds, {visible(choice.held)} held out",
+        f"{visible(choice.target)} · {when}the saved model was chosen on "
+        f"{number_of(choice.folds, 'inner fold')}, {visible(choice.held)} held out",
         ("model", "windows", "loss", "accuracy", "s", "weight"),
     )
     rows = choice.leaderboard

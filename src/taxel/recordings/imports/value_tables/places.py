@@ -43,7 +43,8 @@ def places_of(path: Path, names: Sequence[str], wanted: Sequence[str], what: str
         if name not in found:
             index = as_number(name) if counted else 0
             if not 1 <= index <= len(names):
-                raise _no_column(path, name, "no such column", what)
+                longer = _longer_name(name, names) if counted else 0
+                raise _no_column(path, name, "no such column", what, longer)
             found[name] = index - 1
     return [found[name] for name in wanted]
 
@@ -68,8 +69,17 @@ def as_number(name: str) -> int:
     return int(name) if is_whole(name) and len(name) < 10 else 0
 
 
-def _no_column(path: Path, name: str, problem: str, what: str) -> BadTable:
+def _longer_name(name: str, names: Sequence[str]) -> int:
+    """Return the number of the only column called so with a unit or words behind, else 0."""
+    found = [number for number, own in enumerate(names, start=1)
+             if own.startswith(name) and own[len(name)] in " [("]  # fmt: skip
+    return found[0] if len(found) == 1 else 0
+
+
+def _no_column(path: Path, name: str, problem: str, what: str, longer: int) -> BadTable:
     mend = "correct it"
+    if longer:
+        mend = f"write its number, {longer}, since its name holds blanks or brackets"
     if is_whole(name) and what.startswith("a header"):
         mend = "write a name as it stands there; if line 1 holds values, put names above it"
     return BadTable(f"the column {name[:80]!r}", f"{problem} in {path} ({what})", mend)

@@ -194,7 +194,7 @@ def parse_time(text: str, where: str) -> TimeColumn:
         raise BadTable(
             f"time as NAME[s], NAME[ms], NAME[us], NAME[ns], NAME[iso] or rate:100Hz in {where}",
             repr(text[:80]),
-            BY_NUMBER if text.count("[") > 1 else "correct it",
+            BY_NUMBER.replace("[N]", "[ms]") if text.count("[") > 1 else "correct it",
         )
     return TimeColumn(column=Column(name=match[1].strip(), unit=match[2].strip()))
 
