@@ -21,6 +21,7 @@ from taxel.cli.options.arrays import (
 from taxel.cli.options.rules import Only
 from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import console, print_json, progress, say
+from taxel.cli.trial_verbs import refuse_other_table
 from taxel.errors import BadInput
 from taxel.held import only_writer
 from taxel.plain_text import number_of
@@ -101,6 +102,7 @@ class Evaluate:
         """Measure and print."""
         from taxel.bundles.envelope import need_bundle
 
+        refuse_other_table(self.data)
         if _is_bundle_file(self.data):
             _evaluate_bundle(self.data, self.recordings, self.folds, as_json=self.json)
             return
