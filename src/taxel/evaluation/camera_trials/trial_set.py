@@ -188,10 +188,10 @@ def load_trial_set(
         BadInput: The crop does not fit.
     """
     labelled = labelled_trials(trials, target)
-    sizes = {(trial.width, trial.height) for trial in trials}
+    sizes = {(trial.width, trial.height): trial.name for trial in reversed(trials)}
     if len(sizes) > 1:
         raise BadDataset("images of one size in all trials",
-                         " and ".join(f"{w}×{h}" for w, h in sorted(sizes)[:3]),
+                         " and ".join(f"{w}×{h} in {sizes[w, h]}" for w, h in sorted(sizes)[:3]),
                          "bring them to one size, or make a table of each")  # fmt: skip
     ((width, height),) = sizes
     if max(width, height) > LARGEST_RATIO * min(width, height):
