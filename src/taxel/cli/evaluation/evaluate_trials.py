@@ -206,8 +206,9 @@ def _scores(
     scores = score_trials(y, np.stack([verdicts[i].probabilities for i in labelled]), names)
     answered = float(np.mean([verdicts[i].label == truth[i] for i in known]))
     document |= {"majority": majority, "scores": asdict(scores), "answered_accuracy": answered}
-    if (count := len(set(names.tolist()))) > 1 and not all_alike(scores.accuracy_interval):
-        document["few_groups"] = few_groups(noun_of(key or "trial"), count)
+    tested = len(set(names.tolist()))
+    if tested > 1 and not all_alike(scores.accuracy_interval):
+        document["few_groups"] = few_groups(noun_of(key or "trial"), tested)
     return (
         f"{score_line(target, where, scores, majority, key)}; UNKNOWN {document['unknown']} of "
         f"{len(trials)}; accuracy with UNKNOWN counted as wrong {answered:.3f}"
