@@ -34,6 +34,7 @@ _FAR_M = 2.0
 """What is shown as farthest, metres: a table with a robot on it. Our choice,
 docs/decisions/0052."""
 _PNG = b"\x89PNG\r\n\x1a\n"
+_JPEG = b"\xff\xd8"
 _PNG_SIDES = (16, 20)
 """Where width and height stand, four bytes each. Source: PNG specification, IHDR."""
 
@@ -194,6 +195,9 @@ def still_size(image: bytes) -> tuple[int, int]:
     if is_raster(image):
         return raster_size(image)
     if not image.startswith(_PNG):
+        if not image.startswith(_JPEG):
+            raise BadSource("images that can be read", f"{number_of(len(image), 'byte')} of none",
+                            "copy it again")  # fmt: skip
         head = read_head(image, own_file=True)
         return head.width, head.height
     width, height = (int.from_bytes(image[at : at + 4], "big") for at in _PNG_SIDES)

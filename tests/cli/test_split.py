@@ -211,3 +211,21 @@ def test_camera_trials_are_parted_as_they_are_trained(
     assert "recordings of an array beside --recipe" in refused(
         ["split", str(data), "--recipe", "array"]
     )
+
+
+@pytest.mark.parametrize("verb", ["split", "audit", "train", "evaluate"])
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ("camera:g,label:k\ncafé.avi,0\n".encode("latin-1"), "needed text in UTF-8; got another"),
+        (b"video,label\na.avi,0\n", "label:NAME and group:NAME; got the columns 'video', 'label' "),
+    ],
+)
+def test_a_table_that_no_trials_can_be_read_from_is_refused_by_its_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str, table: bytes, message: str
+) -> None:
+    """Before, it was called no recording, and a person was sent to taxel import."""
+    (tmp_path / "trials.csv").write_bytes(table)
+    with pytest.raises(SystemExit, match="2"):
+        main([verb, str(tmp_path / "trials.csv")])
+    assert message in capsys.readouterr().err

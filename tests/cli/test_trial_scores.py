@@ -53,3 +53,15 @@ def test_where_nothing_is_scored_it_is_said_why(label: str, why: str) -> None:
     _, scored = _scores(CONTRACT, trials("hold"), [sure_of("hold")], None)
     assert list(found) == list(scored)
     assert [found[name] for name in ("majority", "scores", "answered_accuracy")] == [None] * 3
+
+
+def test_an_interval_of_few_groups_is_called_too_narrow() -> None:
+    """As `train-trials` does; the interval of a bundle's score stood there without a word."""
+    verdicts = [sure_of("hold"), sure_of("slip"), sure_of("hold"), sure_of("hold")]
+    line, found = _scores(CONTRACT, trials("hold", "slip", "hold", "slip"), verdicts, None)
+    assert "accuracy 0.750 [0.500, 1.000]" in line
+    assert found["few_groups"] == (
+        "2 sessions: the interval is about their lowest and highest; record more"
+    )
+    _, alike = _scores(CONTRACT, trials("hold", "slip"), verdicts[:2], None)
+    assert alike["few_groups"] is None

@@ -146,6 +146,20 @@ def test_a_pattern_in_a_table_of_videos_is_refused_by_its_reason(tmp_path: Path)
         open_footage(tmp_path / "{label:object}_*.png")
 
 
+def test_a_path_with_back_slashes_is_refused_by_how_to_write_it(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "b.png").write_bytes(coded(".png"))
+    (tmp_path / "t.csv").write_text("camera:g,label:k\na\\b.png,0\n")
+    with pytest.raises(BadTable, match=r"line 2\); write / where the path has \\\."):
+        read_video_rows(tmp_path / "t.csv", tmp_path)
+
+
+def test_an_empty_png_is_not_called_a_jpeg(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(b"")
+    with pytest.raises(BadTable, match=r"needed images .* PNG, JPEG, .*a\.png: 0 bytes of none; "):
+        open_footage(tmp_path / "a.png")
+
+
 def test_nearly_black_images_are_not_called_grey(tmp_path: Path) -> None:
     """Twelve bits in a file of sixteen leave no colour above the limit for grey."""
     cv2.imwrite(str(tmp_path / "a.png"), (IMAGE // 4).astype(np.uint16) * 16)

@@ -10,10 +10,13 @@ from dataclasses import fields
 from pathlib import Path
 
 from taxel.cli.options.rules import typed_options
-from taxel.errors import BadInput
+from taxel.errors import BadInput, BadRecording
 
 VERBS_OF_TRIALS = {"train": "train-trials", "evaluate": "evaluate-trials"}
 """Verb for recordings of an array → the verb for camera trials."""
+_MOST_COLUMNS, _LONGEST_COLUMN = 6, 40
+"""Columns of another table that are named, and characters of each. Our choice: a screen's line or
+two, as in decision 41."""
 
 
 def verb_for_data(verb: str, words: Sequence[str]) -> str:
@@ -98,3 +101,30 @@ def of_trials(path: Path) -> bool:
     except (OSError, ValueError, ModuleNotFoundError):  # no path; no OpenCV, so no cameras
         return False
     return (path.is_file() and is_trial_bundle(path)) or are_camera_trials(path)
+
+
+def refuse_other_table(path: Path) -> None:
+    """Refuse a table that is none of camera trials, by the columns that it would need.
+
+    Raises:
+        BadTable: It cannot be read, as in another encoding than UTF-8.
+        BadRecording: Its columns are others.
+    """
+    from taxel.recordings.imports.value_tables.table_columns import LARGEST_LIST, read_cells
+    from taxel.recordings.imports.video_rows import names_videos
+
+    if not path.is_file() or path.suffix.lower() not in (".csv", ".tsv"):
+        return
+    if path.stat().st_size > LARGEST_LIST:  # a table of data, not of trials
+        return
+    columns = next(iter(read_cells(path)), [])
+    if not any(columns) or names_videos(columns):
+        return
+    shown = ", ".join(repr(name.strip()[:_LONGEST_COLUMN]) for name in columns[:_MOST_COLUMNS])
+    more = len(columns) - _MOST_COLUMNS
+    raise BadRecording(
+        "a recording (MCAP), or a table of camera trials with the columns left, right (or "
+        "camera:NAME), label:NAME and group:NAME",
+        f"the columns {shown}{f' and {more} more' if more > 0 else ''} in {path}, line 1",
+        "mend that line, or import tables with: taxel import",
+    )

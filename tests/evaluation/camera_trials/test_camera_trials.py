@@ -356,6 +356,16 @@ def test_unknown_is_said_of_a_trial_shorter_than_a_crop(tmp_path: Path) -> None:
     assert "fewer than a crop" in verdict.reason
 
 
+def test_images_of_two_sizes_are_refused_by_a_trial_of_each(tmp_path: Path) -> None:
+    for number, side in enumerate((32, 32, 40)):
+        images = np.random.default_rng(number).integers(0, 256, (3, 24, side), np.uint8)
+        np.save(tmp_path / f"t{number}.npy", images)
+    (tmp_path / "t.csv").write_text("camera:gel,label:kind\nt0.npy,a\nt1.npy,b\nt2.npy,b\n")
+    trials = read_camera_trials(tmp_path / "t.csv")
+    with pytest.raises(BadDataset, match="got 32×24 in 0001-t0 and 40×24 in 0003-t2; bring"):
+        load_trial_set(trials, "kind", tmp_path / "cache")
+
+
 def test_images_that_are_nearly_a_line_are_refused(tmp_path: Path) -> None:
     """Before, the picture that movement is followed in had no row, and OpenCV's error came up."""
     for number in range(2):

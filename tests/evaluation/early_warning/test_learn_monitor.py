@@ -294,3 +294,11 @@ def test_recordings_that_no_bundle_serves_together_are_refused() -> None:
     small = replace(data.pours[1], cameras=(CAMERA, replace(CAMERA, width=CAMERA.width // 2)))
     with pytest.raises(BadDataset, match="images of one size"):
         check_alike([data.pours[0], small])
+
+
+def test_a_recording_of_no_cup_is_refused_by_what_an_import_can_add() -> None:
+    """No verb takes another group than the cup, though the message spoke of naming one."""
+    data = pours_of(1)
+    lone = replace(data, pours=(replace(data.pours[0], groups={"object": "mug"}), *data.pours[1:]))
+    with pytest.raises(BadDataset, match="import again with a column group:cup in the table, or"):
+        lone.cups()

@@ -21,6 +21,7 @@ from taxel.cli.options.arrays import (
 from taxel.cli.options.rules import Only
 from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import console, print_json, progress, say
+from taxel.cli.trial_verbs import refuse_other_table
 from taxel.errors import BadInput
 from taxel.held import only_writer
 from taxel.plain_text import number_of
@@ -105,6 +106,7 @@ class Evaluate:
         from taxel.bundles.shipped import find_bundle
 
         bundle = find_bundle(self.data)
+        refuse_other_table(bundle)
         if _is_bundle_file(bundle):
             if is_grasp_bundle(bundle):
                 from taxel.cli.evaluation.grasp_bundle import evaluate_grasp_bundle

@@ -15,6 +15,7 @@ from taxel.cli.options.rules import Only
 from taxel.cli.options.trials import FOLDS_IN_TURN, TrialOptions
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import BadInput
+from taxel.plain_text import noun_of, visible_line
 
 if TYPE_CHECKING:
     from taxel.bundles.trials import TrialContract
@@ -140,6 +141,8 @@ class EvaluateTrials:
             say(f"note: {note}")
         if left_out:
             say(f"warning: {left_out}", style="yellow")
+        if scores["few_groups"]:
+            say(f"warning: {visible_line(scores['few_groups'])}", style="yellow")
         if reasons := unknown_line(verdicts):
             say(reasons, style="yellow")
         if warning is not None:
@@ -165,6 +168,8 @@ def _scores(
     from taxel.decisions.recognition import UNKNOWN
     from taxel.evaluation.camera_trials.crossval import score_trials
     from taxel.evaluation.camera_trials.sides import values_of
+    from taxel.evaluation.intervals import all_alike
+    from taxel.evaluation.run_scores import few_groups
     from taxel.views.tables.trials import score_line, trial_count
 
     target, classes = contract.target, contract.classes
@@ -179,6 +184,7 @@ def _scores(
         "majority": None,
         "scores": None,
         "answered_accuracy": None,
+        "few_groups": None,
         "verdicts": [
             {"trial": t.name, "truth": own, "verdict": v.label, "confidence": v.confidence,
              "reason": v.reason}
@@ -200,6 +206,9 @@ def _scores(
     scores = score_trials(y, np.stack([verdicts[i].probabilities for i in labelled]), names)
     answered = float(np.mean([verdicts[i].label == truth[i] for i in known]))
     document |= {"majority": majority, "scores": asdict(scores), "answered_accuracy": answered}
+    tested = len(set(names.tolist()))
+    if tested > 1 and not all_alike(scores.accuracy_interval):
+        document["few_groups"] = few_groups(noun_of(key or "trial"), tested)
     return (
         f"{score_line(target, where, scores, majority, key)}; UNKNOWN {document['unknown']} of "
         f"{len(trials)}; accuracy with UNKNOWN counted as wrong {answered:.3f}"

@@ -11,6 +11,7 @@ import tyro
 from taxel.cli.options.arrays import split_given
 from taxel.cli.options.rules import Only
 from taxel.cli.printing import console, print_json, progress
+from taxel.cli.trial_verbs import refuse_other_table
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
@@ -66,6 +67,8 @@ class Audit:
         from taxel.evaluation.audit.reading import read_both, read_touch
 
         self._check()
+        for path in filter(None, (self.data, self.test)):
+            refuse_other_table(path)
         with progress() as bar:
             task = bar.add_task("reading", total=None)
 

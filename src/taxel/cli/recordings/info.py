@@ -15,7 +15,8 @@ from taxel.bundles.envelope import BundleKind, kind_of, unpack
 from taxel.bundles.shipped import find_bundle
 from taxel.cli.options.rules import Only
 from taxel.cli.printing import console, print_json, progress, say
-from taxel.cli.recordings.info_table import describe_table, is_trial_table, refuse_other_table
+from taxel.cli.recordings.info_table import describe_table, is_trial_table
+from taxel.cli.trial_verbs import refuse_other_table
 from taxel.labels.class_order import in_order
 from taxel.plain_text import number_of, visible, visible_names
 from taxel.recordings.imports.own_groups import CUT_FROM

@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING, Any
 from taxel.bundles.contract import RATE_RANGE
 from taxel.cli.long_work import LongWork
 from taxel.cli.printing import command, progress
-from taxel.errors import BadRecording, BadTable
 from taxel.labels.class_order import in_order
 from taxel.plain_text import number_of, visible, visible_names
-from taxel.recordings.imports.value_tables.table_columns import read_cells
-from taxel.recordings.imports.video_rows import SPLIT, names_videos
+from taxel.recordings.imports.video_rows import SPLIT
 
 if TYPE_CHECKING:
     from taxel.windows.camera_trials import CameraTrial
@@ -32,30 +30,6 @@ def is_trial_table(path: Path) -> bool:
     except ModuleNotFoundError:  # no OpenCV, so no cameras
         return False
     return path.suffix.lower() in TABLES and are_camera_trials(path)
-
-
-def refuse_other_table(path: Path) -> None:
-    """Refuse a table that is none of camera trials, by the columns that it would need.
-
-    Raises:
-        BadRecording: It is such a table.
-    """
-    if not path.is_file() or path.suffix.lower() not in (".csv", ".tsv"):
-        return
-    try:
-        columns = next(iter(read_cells(path)), [])
-    except BadTable:  # no text, or a long one: of data, not of trials
-        return
-    if not any(columns) or names_videos(columns):
-        return
-    shown = ", ".join(repr(name.strip()[:_LONGEST_COLUMN]) for name in columns[:_MOST_COLUMNS])
-    more = len(columns) - _MOST_COLUMNS
-    raise BadRecording(
-        "a recording (MCAP), or a table of camera trials with the columns left, right (or "
-        "camera:NAME), label:NAME and group:NAME",
-        f"the columns {shown}{f' and {more} more' if more > 0 else ''} in {path}, line 1",
-        "mend that line, or import tables with: taxel import",
-    )
 
 
 def describe_table(path: Path) -> tuple[list[str], dict[str, Any]]:
@@ -94,9 +68,6 @@ def _values(path: Path, trials: Sequence[CameraTrial]) -> dict[str, Any]:
 
 _OWN = {"file", "recording"}
 """Groups that every trial has for itself."""
-_MOST_COLUMNS, _LONGEST_COLUMN = 6, 40
-"""Columns of another table that are named, and characters of each. Our choice: a screen's line or
-two, as in decision 41."""
 _MOST_NAMED = 12
 """Values of a label or group that are named. Source: our choice, decision 41: a screen's line or
 two."""

@@ -16,7 +16,7 @@ from taxel.cli.options.rules import Only
 from taxel.cli.options.trials import TrialOptions
 from taxel.cli.printing import command, print_json, progress, say
 from taxel.cli.training.train_expert import outer_split
-from taxel.cli.trial_verbs import of_trials
+from taxel.cli.trial_verbs import of_trials, refuse_other_table
 from taxel.errors import BadInput
 from taxel.plain_text import number_of
 
@@ -77,6 +77,8 @@ class Split:
         if self.output is not None:
             _check_new(self.output)
         cameras = of_trials(self.data)
+        if not cameras:
+            refuse_other_table(self.data)
         with progress() as bar:
             work = LongWork(bar)
             work.step("reading", "reading")

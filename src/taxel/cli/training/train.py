@@ -16,6 +16,7 @@ from taxel.cli.options.arrays import (
     usual_recipe,
 )
 from taxel.cli.options.rules import Only
+from taxel.cli.trial_verbs import refuse_other_table
 from taxel.held import only_writer
 
 
@@ -100,6 +101,7 @@ class Train:
 
     def run(self) -> None:
         """Find or take, judge, train and save."""
+        refuse_other_table(self.data)
         if self._free:
             self._find()
             return

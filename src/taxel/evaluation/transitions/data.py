@@ -54,7 +54,8 @@ class CameraSet:
                 raise BadDataset(
                     "the group 'cup' on every recording",
                     f"{pour.path} with {', '.join(sorted(pour.groups)) or 'none'}",
-                    "name another group, or record again with --group",
+                    "import again with a column group:cup in the table, or record again with "
+                    "--group cup=NAME",
                 )
         return np.array([pour.groups["cup"] for pour in self.pours])
 

@@ -154,12 +154,12 @@ def no_file(path: Path, where: str = "") -> BadTable:
         path: The file.
         where: Behind it in the message: the line that names it.
     """
-    pattern = any(sign in path.name for sign in "{*")
-    return BadTable(
-        CAMERA_FILE, f"no file {path}{where}",
-        "write a row for each trial: in tables of videos no cell stands for several files"
-        if pattern else "check the path",
-    )  # fmt: skip
+    mend = "check the path"
+    if any(sign in path.name for sign in "{*"):
+        mend = "write a row for each trial: in tables of videos no cell stands for several files"
+    elif Path(str(path).replace("\\", "/")).exists():
+        mend = "write / where the path has \\"
+    return BadTable(CAMERA_FILE, f"no file {path}{where}", mend)
 
 
 def _row(

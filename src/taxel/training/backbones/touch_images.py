@@ -162,7 +162,8 @@ def _object(pour: CameraRecording) -> str:
     raise BadDataset(
         f"the group {' or '.join(GROUPS)} on every recording",
         f"{pour.path} with {', '.join(sorted(pour.groups)) or 'none'}",
-        "record or import again with --group",
+        f"import again with a column group:{GROUPS[0]} in the table, or record again with "
+        f"--group {GROUPS[0]}=NAME",
     )
 
 
