@@ -108,6 +108,8 @@ def watch_verdicts(bundle: Path, path: Path) -> tuple[RealTrial, int | None]:
     alarms: list[bool] = []
     scores: list[float] = []
     for found in frame_sets(path, len(manifest.cameras)):
+        for frame in found.frames:
+            watch.see(frame)
         verdict = watch.push(found).verdict
         alarms.append(verdict.label == _SLIP and verdict.confidence >= LEAST)
         scores.append(float(verdict.probabilities[at]))

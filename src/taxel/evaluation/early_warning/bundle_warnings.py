@@ -46,7 +46,7 @@ _LEAST_MOMENTS: Final = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchedGrasp:
-    """One grasp: what the bundle said, and what came of it."""
+    """One grasp: what the bundle warned of, and what came of it."""
 
     slips: bool | None
     """None where nobody says."""
@@ -59,8 +59,8 @@ class WatchedGrasp:
     largest: float
     """Largest score or probability, 0…1; 0 where there was none."""
     length_s: float
-    said: str
-    """The outcome's own word; empty without one."""
+    word: str
+    """Its label `outcome`; empty without one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,7 +109,7 @@ def judged(path: Path, tracks: Sequence[GraspTrack]) -> list[WatchedGrasp]:
 
     Args:
         path: The recording.
-        tracks: What the bundle said of its grasps; those too short to be judged are left out.
+        tracks: The bundle's states in its grasps; those too short to be judged are left out.
 
     Raises:
         BadRecording: The recording is damaged.
@@ -120,8 +120,8 @@ def judged(path: Path, tracks: Sequence[GraspTrack]) -> list[WatchedGrasp]:
     for track in tracks:
         if len(track.states) < _LEAST_MOMENTS:
             continue
-        said = track.labels.get("outcome", "")
-        slips = event_s is not None if known else _slips(said.strip().lower())
+        word = track.labels.get("outcome", "")
+        slips = event_s is not None if known else _slips(word.strip().lower())
         outcome = judge(
             StateTrack(
                 states=track.states, time_s=track.time_s, onset_s=onset_s, event_s=event_s,
@@ -136,7 +136,7 @@ def judged(path: Path, tracks: Sequence[GraspTrack]) -> list[WatchedGrasp]:
                 alarmed=bool(alarms(track.states, track.time_s, float(track.time_s[0]))),
                 largest=float(np.nan_to_num(track.scores).max()),
                 length_s=float(track.time_s[-1] - track.time_s[0]),
-                said=said,
+                word=word,
             )
         )
     return found
@@ -185,7 +185,7 @@ def summed(grasps: Sequence[WatchedGrasp], folder: Path) -> GraspScores:
     held = [grasp for grasp in known if not grasp.slips]
     slipped = [grasp for grasp in known if grasp.slips]
     timed = [grasp.outcome for grasp in slipped if grasp.timed]
-    cluster = next((key for key in CLUSTERS if _tells_apart(known, key)), "recording")
+    cluster = next((key for key in CLUSTERS if _parts(known, key)), "recording")
     judged = [grasp.outcome for grasp in held] + timed
     events: EventScores | None = summarise(judged, cluster) if judged else None
     truth = np.array([grasp.slips for grasp in known]).astype(np.intp)
@@ -195,7 +195,7 @@ def summed(grasps: Sequence[WatchedGrasp], folder: Path) -> GraspScores:
 
     nothing = float("nan"), float("nan")
     minutes = 0.0 if events is None else events.hold_min
-    unsaid = [grasp.said for grasp in grasps if grasp.slips is None]
+    others = [grasp.word for grasp in grasps if grasp.slips is None]
     return GraspScores(
         grasps=len(known),
         held=len(held),
@@ -224,10 +224,10 @@ def summed(grasps: Sequence[WatchedGrasp], folder: Path) -> GraspScores:
         area=ranked([grasp.largest for grasp in known]),
         length_area=ranked([-grasp.length_s for grasp in known]),
         unknown_share=float(np.mean([grasp.outcome.unknown_share for grasp in known])),
-        left_out={word: unsaid.count(word) for word in sorted(set(unsaid))},
+        left_out={word: others.count(word) for word in sorted(set(others))},
     )
 
 
-def _tells_apart(grasps: Sequence[WatchedGrasp], key: str) -> bool:
+def _parts(grasps: Sequence[WatchedGrasp], key: str) -> bool:
     values = {grasp.outcome.groups.get(key) for grasp in grasps}
     return None not in values and len(values) > 1
