@@ -3,6 +3,7 @@
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from taxel.bench.transitions import real_recogniser
@@ -19,6 +20,10 @@ from taxel.bench.transitions.real_recogniser import (
     object_folds,
     recogniser_alarm_rows,
 )
+from taxel.live import trial_watch
+from taxel.signals import CameraInfo, Frame
+from taxel.windows.pairs import FrameSet
+from taxel.windows.trial_layout import Layout
 
 
 def trial(number: int, slips: bool, alarm: bool, largest: float) -> RealTrial:
@@ -76,3 +81,36 @@ def test_a_recogniser_without_recordings_has_no_value(tmp_path: Path):
         (row,) = recogniser_alarm_rows(data)
         assert row.value is None
         assert row.name.startswith(RECOGNISER)
+
+
+def test_a_verdict_on_a_recording_is_one_and_no_unknown(monkeypatch: pytest.MonkeyPatch):
+    """Cameras whose frames are not looked after are in doubt: each verdict was UNKNOWN."""
+    camera = CameraInfo(name="gel", width=8, height=8, rate_hz=25.0)
+    contract = SimpleNamespace(
+        target="outcome", classes=("hold", "slip"), layout=Layout(8, 3), sharpness=1.0, weights={},
+        threshold=None, check=lambda *_: None,
+    )  # fmt: skip
+    manifest = SimpleNamespace(
+        cameras=(camera,), labels={"outcome": "slip"}, groups={"object": "mug"}
+    )
+    sets = [
+        FrameSet((
+            Frame(camera=0, jpeg=b"%d" % n, counter=n, device_s=n / 25, arrival_s=n / 25,
+                  fitted_s=n / 25),
+        ))
+        for n in range(20)
+    ]  # fmt: skip
+    monkeypatch.setattr(real_recogniser, "read_manifest", lambda _: manifest)
+    monkeypatch.setattr(real_recogniser, "frame_sets", lambda *_: sets)
+    monkeypatch.setattr(
+        real_recogniser, "read_trial_bundle", lambda _: SimpleNamespace(contract=contract)
+    )
+    monkeypatch.setattr(trial_watch, "decode_frame", lambda *_: np.zeros((8, 8, 3), np.uint8))
+    monkeypatch.setattr(trial_watch, "predict_crop", lambda *_: (np.array([0.1, 0.9]), 0.0))
+    trial, first = real_recogniser.watch_verdicts(Path("a.taxel"), Path("a.mcap"))
+
+    assert first == 8  # with the first crop
+    assert (trial.slips, trial.images, trial.object) == (True, 20, "mug")
+    watched = trial.watched[RECOGNISER]
+    assert (watched.alarm, watched.early) == (True, True)
+    assert watched.largest == pytest.approx(0.9)

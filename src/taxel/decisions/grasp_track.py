@@ -1,4 +1,4 @@
-"""What a monitor said of one grasp, moment by moment. Knows nothing about models or truth."""
+"""One grasp as a monitor saw it, moment by moment. Knows nothing about models or truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Watch recordings of grasps as live, one after another, and keep what the monitor said.
+"""Watch recordings of grasps as live, one after another, and keep the states.
 
 Knows nothing about truth, scores or screens.
 """

@@ -83,15 +83,12 @@ class Rig:
             rule="gross-slip", gives_probability=False,
             stability=SimpleNamespace(clear=0.3, warn=0.5, unstable=0.8),
         )  # fmt: skip
-        made = lambda *_, **__: Bundle(contract=contract)  # noqa: E731  # one line, used once
-        patch.setattr(grasp_watcher, "read_grasp_bundle", made)
+        made = Bundle(contract=contract)
+        patch.setattr(grasp_watcher, "read_grasp_bundle", lambda *_, **__: made)
         ring = stack.enter_context(Ring(2**16)).name
         self._heard = stack.enter_context(RingReader(ring))
-        job = Inference(
-            place=cast("Any", SimpleNamespace(name="monitor")),
-            bundles=(Path("a.taxel"), Path("b.taxel")), sensor=cast("Any", 0), cameras=CAMERAS,
-            ring="", source_row=0, decisions=ring,
-        )  # fmt: skip
+        bundles = Path("a.taxel"), Path("b.taxel")
+        job = self.job(bundles=bundles, cameras=CAMERAS, decisions=ring)
         writer = stack.enter_context(RingWriter(ring))
         self.watcher = cast("Any", inference.watcher_of(Path("b.taxel"), job, writer, number))
         self.patience_s: list[float] = []
@@ -101,11 +98,10 @@ class Rig:
         return self.watcher._monitor
 
     def job(self, **changed: Any) -> Inference:
-        """Return what a recogniser's process is to do."""
-        return Inference(
-            place=cast("Any", SimpleNamespace(name="monitor")), bundles=(), sensor=cast("Any", 0),
-            cameras=(), ring="", source_row=0, decisions="", **changed,
-        )  # fmt: skip
+        """Return what a process is to do, of a recogniser unless changed."""
+        place = cast("Any", SimpleNamespace(name="monitor"))
+        given: dict[str, Any] = {"bundles": (), "cameras": (), "decisions": ""} | changed
+        return Inference(place=place, sensor=cast("Any", 0), ring="", source_row=0, **given)
 
     def take(self, *packets: Any) -> list[dict[str, Any]]:
         """Let packets come, a millisecond later; return the notes that were told."""
@@ -322,7 +318,6 @@ def scans(*times_s: float) -> Samples:
 def recogniser(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> Rig:
     """The same rig with a recogniser of ball and cube in place of the grasp watcher."""
     monkeypatch.setattr(inference, "is_grasp_bundle", lambda _: False)
-    monkeypatch.setattr(inference, "is_trial_bundle", lambda _: False)
     monkeypatch.setattr(array_watcher, "Recogniser", Recogniser)
     contract = SimpleNamespace(
         target="shape", classes=("ball", "cube"), joining=MEAN,
