@@ -43,7 +43,7 @@ _NOTE_BYTES = 2**18
 """Of a ring of notes: some hundreds of decisions. Source: our choice."""
 _ALONE = (
     "taxel live with one bundle (no --also beside one of cameras) and no --page, --record, "
-    "--gripper, --tell, --publish and --beside"
+    "--gripper, --tell, --publish and --beside, and no column alarm in --rules"
 )
 """When there is no station, for messages."""
 
