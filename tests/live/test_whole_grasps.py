@@ -7,6 +7,7 @@ import pytest
 from taxel.bundles.grasp import read_grasp_bundle
 from taxel.bundles.shipped import DEFAULT_WARNING, shipped_bundle
 from taxel.decisions.stability import Stability
+from taxel.errors import BadBundle
 from taxel.live.grasp_session import run_grasp_session
 from taxel.live.whole_grasps import watch_grasps
 from taxel.recordings.manifest import Manifest
@@ -55,3 +56,12 @@ def test_each_grasp_has_the_states_that_the_live_session_gave(two_grasps: Path):
         state for _, state in live if state != Stability.NO_GRASP.name
     ]
     assert {"STABLE", "UNKNOWN"} == {state for _, state in watched}
+
+
+def test_a_recording_without_such_cameras_is_named(tmp_path: Path):
+    """Of a folder of many it was said only that one has none."""
+    path = tmp_path / "hand.mcap"
+    with open_source("sim://teng?speed=max") as source:
+        Recorder(path, Manifest.started_now(source.info, {})).close()
+    with pytest.raises(BadBundle, match=r"got one with 0: .*hand\.mcap"):
+        watch_grasps(shipped_bundle(DEFAULT_WARNING), path)

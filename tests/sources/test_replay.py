@@ -132,6 +132,27 @@ def test_it_holds_one_chunk_at_a_time(tmp_path):
     assert (sum(sizes), max(sizes)) == (4000, 50)
 
 
+@pytest.mark.parametrize("by_s", [-3600.0, 3600.0])
+def test_a_clock_that_jumps_brings_no_mark_long_before_its_scans(tmp_path, by_s):
+    """After a jump back all that followed was held, and all of its marks came at once."""
+    time_s = 1e5 + np.arange(6000) / 100
+    time_s[3000:] += by_s
+    whole = scans(time_s)
+    with Recorder(tmp_path / "a.mcap", Manifest(sensor=INFO)) as recorder:
+        for at in range(0, 6000, 200):
+            recorder.write(whole[at : at + 200])
+            recorder.flush()
+            recorder.mark(Mark(start_s=time_s[at], end_s=time_s[at + 199], labels={"n": str(at)}))
+    count, found = 0, {}
+    with open_source(f"{tmp_path / 'a.mcap'}?speed=max", ManualClock()) as source:
+        while not source.ended:
+            count += len(source.read())
+            found |= {int(mark.labels["n"]): count for mark in source.marks()}
+    assert count == 6000
+    assert len(found) == 30
+    assert min(came - at for at, came in found.items()) >= -500
+
+
 def test_a_pause_in_the_recording_is_a_silence(tmp_path):
     """Ten seconds without scans are ten seconds of empty reads."""
     time_s = np.r_[np.arange(10) / 100, 10.0 + np.arange(10) / 100]

@@ -232,6 +232,8 @@ class GraspVote:
         self._joining = joining
         self._most = most
         self._faults = FaultWatch(gap_s)
+        self.contacts = 0
+        """Contacts that have begun."""
         self.over()
 
     @property
@@ -252,6 +254,7 @@ class GraspVote:
 
     def over(self) -> None:
         """End the contact: what comes next belongs to another."""
+        self.contacts += 1
         self._sum = np.zeros(len(self._classes))
         self._novelty = np.zeros(len(self._test.labels) if self._test is not None else 0)
         self._count = self._tested = self._unmeasured = 0

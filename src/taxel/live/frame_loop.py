@@ -23,9 +23,9 @@ choice, docs/decisions/0019."""
 
 def ends_grasp(mark: Mark) -> bool:
     """Return whether a mark ends a grasp: it holds the outcome. A hand's marks in the same file,
-    and those of a person's reactions, do not.
+    and those of a person's reactions, do not, which in a replay hold their recording's outcome.
     """
-    return "outcome" in mark.labels
+    return "outcome" in mark.labels and "reaction" not in mark.labels
 
 
 def ends_trial(mark: Mark, target: str) -> bool:

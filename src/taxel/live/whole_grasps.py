@@ -13,6 +13,7 @@ import numpy as np
 
 from taxel.bundles.grasp import read_grasp_bundle
 from taxel.decisions.grasp_track import GraspTrack
+from taxel.errors import BadBundle
 from taxel.live.frame_loop import ends_grasp
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.models.devices import CPU
@@ -40,7 +41,11 @@ def watch_grasps(bundle: Path, path: Path, device: str = CPU) -> list[GraspTrack
     opened = read_grasp_bundle(bundle, device=device)
     recording = read_recording(path)
     manifest = recording.manifest
-    monitor = GraspMonitor(opened, manifest.tactile)
+    try:
+        monitor = GraspMonitor(opened, manifest.tactile)
+    except BadBundle as error:  # of a folder of recordings, which one?
+        mend = "leave this recording out, or name a bundle for such cameras"
+        raise BadBundle(error.needed, f"{error.got}: {path}", mend) from error
     ends = sorted((mark for mark in recording.marks if ends_grasp(mark)), key=lambda m: m.end_s)
     grasps = [(mark.end_s, mark.labels, mark.groups) for mark in ends] or [(math.inf, {}, {})]
     sets = frame_sets(path, len(manifest.tactile))

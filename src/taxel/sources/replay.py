@@ -75,12 +75,14 @@ class Replay(PacedSource):
 def _stretches(path: Path, manifest: Manifest) -> Iterator[Stretch]:
     """Yield a recording's scans, and its marks `_AHEAD_S` before them: a mark is written once it is
     over, behind scans that are of the next trial.
+
+    Where the recording's clock jumps, in either direction, no scans are held across the jump.
     """
-    first_s, last_s = math.inf, -math.inf
+    first_s, last_s, newest_s = math.inf, -math.inf, math.nan
     marked = not manifest.labels
     held: deque[tuple[float, Samples]] = deque()
     channels = len(manifest.sensor.channels)
-    none, ahead_s = Samples.empty(channels), _AHEAD_S if channels else 0.0
+    none = Samples.empty(channels)
     try:
         for block in iterate_blocks(path):
             times_s = [frame.fitted_s for frame in block.frames]
@@ -88,11 +90,13 @@ def _stretches(path: Path, manifest: Manifest) -> Iterator[Stretch]:
                 times_s += [float(block.samples.fitted_s[0]), float(block.samples.fitted_s[-1])]
             first_s, last_s = min([first_s, *times_s]), max([last_s, *times_s])
             marked = marked or bool(block.marks)
-            held.append((last_s, block.samples))
-            if block.marks:
-                yield none, [_labelled(mark, manifest) for mark in block.marks]
-            while held and held[0][0] <= last_s - ahead_s:
+            newest_s = max(times_s, default=newest_s)
+            while held and not abs(newest_s - held[0][0]) < _AHEAD_S:
                 yield held.popleft()[1], []
+            if block.marks or not channels:
+                yield none, [_labelled(mark, manifest) for mark in block.marks]
+            if len(block.samples):
+                held.append((newest_s, block.samples))
     except BadRecording:  # what lies before the damage is given first
         yield from ((samples, []) for _, samples in held)
         raise

@@ -205,9 +205,9 @@ def test_the_most_sets_that_any_monitor_has_skipped_are_kept(make: Any):
     assert rig.station.skipped == 7
 
 
-def answer(label: str, sure: float | None) -> bytes:
+def answer(label: str, sure: float | None, touch: int = 1) -> bytes:
     return pack(RECOGNISER | {"label": label, "grasp": label, "grasp_confidence": sure,
-                              "reason": ""})  # fmt: skip
+                              "reason": "", "touch": touch})  # fmt: skip
 
 
 def test_an_action_is_an_event_once_until_another_answer(make: Any):
@@ -224,7 +224,7 @@ def test_an_action_is_an_event_once_until_another_answer(make: Any):
 def test_a_rules_alarm_is_on_while_its_answer_is_the_newest_and_waits_for_a_person(make: Any):
     """Acknowledged and over, the next such answer is a new alarm: it must be heard again."""
     rules = RuleTable((Rule(label="ball", least=0.5, action="stop", alarm=Level.DANGER),))
-    rig, kind = make(rules=rules), f"answer of {RECOGNISER['who']}"
+    rig, kind = make(rules=rules), f"answer of {RECOGNISER['who']}: ball"
 
     def hear(label: str, now_s: float) -> Any:
         rig.monitor.put(answer(label, 0.9 if label != "UNKNOWN" else None))
@@ -239,6 +239,31 @@ def test_a_rules_alarm_is_on_while_its_answer_is_the_newest_and_waits_for_a_pers
     rig.station.acknowledge()
     assert rig.alarm(kind) is None
     assert hear("ball", 4.0).number > first.number
+
+
+def test_who_acknowledges_a_rules_alarm_silences_neither_another_class_nor_the_next_trial(
+    make: Any,
+):
+    """Two classes of one recogniser had one alarm; so had two trials of one class in a row."""
+    rules = RuleTable((Rule(label="*", least=0.5, action="stop", alarm=Level.DANGER),))
+    rig = make(rules=rules)
+
+    def hear(label: str, touch: int = 1) -> list[tuple[str, bool]]:
+        rig.monitor.put(answer(label, 0.9, touch))
+        rig.hear(1.0)
+        alarms = rig.station.guard.alarms.alarms
+        own = [alarm for alarm in alarms if alarm.kind.startswith("answer of ")]
+        return [(alarm.text, alarm.on) for alarm in own if not alarm.acknowledged]
+
+    hear("ball")
+    both = hear("cube")
+    assert both == [("shape cube: stop", True), ("shape ball: stop", False)]
+    rig.station.acknowledge()
+    assert hear("cube") == []
+    assert hear("ball") == [("shape ball: stop", True)]
+    rig.station.acknowledge()
+    assert hear("ball") == []
+    assert hear("ball", touch=2) == [("shape ball: stop", True)]
 
 
 def test_cameras_of_another_grasp_that_are_in_time_do_not_end_the_alarm_of_a_late_one(make: Any):

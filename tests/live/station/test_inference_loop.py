@@ -57,7 +57,7 @@ def looks_s(monkeypatch: pytest.MonkeyPatch, ring: type[Scans], turns: int) -> l
     clock = ManualClock()
     source, looked_s = ring(clock), list[float]()
     pulse = SimpleNamespace(
-        beat=lambda: None, report=lambda *_: None, orphaned=False, work_of=lambda _: Work.ENDED,
+        beat=lambda **_: None, report=lambda *_: None, orphaned=False, work_of=lambda _: Work.ENDED,
         stopping=False,
     )  # fmt: skip
 
@@ -86,7 +86,7 @@ def looks_s(monkeypatch: pytest.MonkeyPatch, ring: type[Scans], turns: int) -> l
     monkeypatch.setattr(inference, "watcher_of", lambda *_: Watcher())
     job = SimpleNamespace(
         place=None, ring="source", orders="", decisions="", bundles=(Path("a"),), source_row=0,
-        drill=False, rank=0,
+        drill=False, rank=0, last_step_s=0.0,
     )  # fmt: skip
     inference.infer(job)  # type: ignore[arg-type]  # what it reads of its job
     return looked_s

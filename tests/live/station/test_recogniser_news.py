@@ -7,10 +7,11 @@ from typing import Any, cast
 
 import pytest
 
+from taxel.errors import BadSource
 from taxel.live.station import array_watcher
 from taxel.live.station.packets import unpack
 from taxel.live.station.station import Station
-from taxel.live.station.wiring import Wiring
+from taxel.live.station.wiring import Wiring, _check_pace
 from taxel.live.station.worker import Rank
 from taxel.signals import Mark
 from taxel.windows.level_follow import LevelNow
@@ -53,6 +54,12 @@ def watch(levels: dict[str, Any]) -> Any:
 @pytest.fixture
 def watcher(recogniser: SimpleNamespace) -> Any:
     return watch({})
+
+
+def test_a_table_with_alarms_is_named_among_what_needs_several_processes() -> None:
+    """Without any of the options named in the message, --rules alone had started a station."""
+    with pytest.raises(BadSource, match="and no column alarm in --rules"):
+        _check_pace("replay://a.mcap?speed=max")
 
 
 def test_another_unit_is_news_and_at_the_end_that_nothing_was_touched(

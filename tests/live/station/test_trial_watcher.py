@@ -114,6 +114,7 @@ def test_a_verdict_builds_up_and_the_mark_gives_that_on_the_whole_trial(rig: Rig
 
     (next_one,) = rig.one_by_one(1)
     assert next_one["label"] == "UNKNOWN"
+    assert (whole["touch"], next_one["touch"]) == (1, 2)
     assert next_one["of"] == "the trial before: slip 0.80 (whole trial, 20 frames)"
 
 

@@ -181,8 +181,12 @@ def test_a_mark_of_the_hand_in_the_same_file_ends_no_grasp(rig: Rig):
     assert rig.monitor.asked == ["push 1"]
 
 
-def test_a_reaction_that_the_source_marked_is_reported_at_its_own_time(rig: Rig):
-    mark = Mark(start_s=0.7, end_s=0.7, labels={"reaction": "put down"})
+@pytest.mark.parametrize("recording", [{}, {"outcome": "held"}])
+def test_a_reaction_that_the_source_marked_is_reported_at_its_own_time(
+    rig: Rig, recording: dict[str, str]
+):
+    """In a replay it holds the labels of the recording, too, whose outcome ended the grasp."""
+    mark = Mark(start_s=0.7, end_s=0.7, labels=recording | {"reaction": "put down"})
     assert rig.take(*pair(1.0), mark)[0] == {
         "kind": "reaction", "who": "monitor/0", "what": "put down", "time_s": 0.7,
     }  # fmt: skip

@@ -57,14 +57,18 @@ class Answers:
         """Take in one window's answer.
 
         Returns:
-            The answer with its action and the level of its alarm, empty without one; and where the
-            action is a new one, words for a person.
+            The answer with its action and the level of its alarm, empty without one, and whether it
+            is the first of its trial or contact; and where the action is a new one, words for a
+            person.
         """
         sure = note["grasp_confidence"]
         rule = self._rules.rule(note["target"], note["grasp"], sure)
         level = "" if rule is None or rule.alarm is None else str(rule.alarm)
-        note = note | {"action": "" if rule is None else rule.action, "alarm": level}
-        before = self._newest.get(note["who"], {}).get("action", "")
+        newest = self._newest.get(note["who"], {})
+        begins = note.get("touch") != newest.get("touch")
+        action = "" if rule is None else rule.action
+        note = note | {"action": action, "alarm": level, "begins": begins}
+        before = newest.get("action", "")
         self._newest[note["who"]] = note
         if note.get("last", True):  # of a camera trial the last verdict alone counts
             self._counts[note["who"]][note["label"]] += 1
@@ -121,17 +125,23 @@ class Answers:
 def weigh_alarm(guard: Guard, answer: dict[str, Any], now_s: float) -> None:
     """Let a rule's alarm be on while its answer is the newest; then it waits for a person.
 
+    Each class has an alarm of its own, and each trial or contact raises it anew: that somebody
+    acknowledged another must not silence this one.
+
     Args:
         guard: Holds the alarms.
         answer: As `Answers.add` gives it.
         now_s: Monotonic seconds.
     """
-    kind = f"answer of {answer['who']}"
-    if not answer["alarm"]:
-        guard.over(kind, now_s)
-        return
-    text = f"{answer['target']} {answer['grasp']}: {answer['action']}"
-    guard.trouble(kind, text, now_s, danger=answer["alarm"] == Level.DANGER)
+    whose = f"answer of {answer['who']}: "
+    kind = f"{whose}{answer['grasp']}"
+    for alarm in guard.alarms.alarms:
+        other = alarm.kind != kind or answer["begins"] or not answer["alarm"]
+        if alarm.kind.startswith(whose) and other:
+            guard.over(alarm.kind, now_s)
+    if answer["alarm"]:
+        text = f"{answer['target']} {answer['grasp']}: {answer['action']}"
+        guard.trouble(kind, text, now_s, danger=answer["alarm"] == Level.DANGER)
 
 
 def _as_shown(title: str, note: dict[str, Any]) -> dict[str, Any]:

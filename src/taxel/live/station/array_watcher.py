@@ -110,6 +110,7 @@ class ArrayWatcher:
             "kind": "answer", "who": self._who, "target": self._target, "label": decision.label,
             "confidence": number_or_none(decision.confidence), "reason": decision.reason,
             "grasp": voted, "grasp_confidence": number_or_none(confidence),
+            "touch": self._vote.contacts,
             "time_s": decision.end_s, **times, "decided_s": monotonic(),
         }  # fmt: skip
         self._writer.put(pack(note))

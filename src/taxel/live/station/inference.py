@@ -61,7 +61,7 @@ def infer(job: Inference) -> None:
         settle_memory()
         looked_s = monotonic()
         while True:
-            pulse.beat()
+            pulse.beat(patience_s=job.last_step_s if pulse.stopping else 0.0)
             content = reader.take()
             if not content and not orders.waiting:
                 source = pulse.work_of(job.source_row)

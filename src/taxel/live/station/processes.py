@@ -26,7 +26,7 @@ _OPEN_S = 30.0
 """How long a process may take to open what it needs, seconds. Source: our choice."""
 _END_S = 5.0
 """How long processes may take to end before they are killed, seconds; of one that completes its
-work, since its last sign of life. Source: our choice."""
+work, since its last sign of life, and beside the patience that one asks for. Our choice."""
 _LOOK_S = 0.05
 """How often it is looked at meanwhile, seconds. Our choice."""
 _RESTARTS, _WITHIN_S = 5, 30.0
@@ -178,9 +178,12 @@ class ProcessGroup:
                 worker.report.close()
 
     def _completes(self, worker: Worker) -> bool:
-        """True while one that ends itself goes on with its last work, and says so."""
-        beat_s = self._beats.read(worker.row).beat_s
-        return worker.ends_itself and monotonic() - beat_s < _END_S
+        """True while one goes on with its last work: it ends itself and says so, or has asked for
+        patience, as for the verdict on a trial.
+        """
+        beat = self._beats.read(worker.row)
+        longest_s = max(beat.patience_s, _END_S if worker.ends_itself else 0.0)
+        return longest_s > 0 and monotonic() - beat.beat_s < longest_s
 
     def ledger(self) -> dict[str, dict[str, int]]:
         """Return, for each process, what it made, took in and lost, and how often it began."""

@@ -19,16 +19,13 @@ from taxel.decisions.trial_verdict import no_verdict
 from taxel.live.frame_loop import ends_trial
 from taxel.live.station.packets import Packet, asks, pack
 from taxel.live.station.ring import RingWriter
-from taxel.live.station.watching import Came, Inference, Note, number_or_none
+from taxel.live.station.watching import LOOK_S, Came, Inference, Note, number_or_none
 from taxel.live.station.worker import Pulse
 from taxel.live.trial_watch import TrialAnswer, TrialWatch
 from taxel.plain_text import number_of
 from taxel.signals import Frame, Mark
 from taxel.windows.pairs import FramePairer
 
-_PATIENCE_S = 10.0
-"""What a look at a crop may take, seconds: 2 cameras × 48 frames take 1 to 2 on a slow core.
-Source: our choice, docs/decisions/0041."""
 _COUNT_S = 0.5
 """How often it is sent how many frames a first crop still needs. Source: our choice,
 docs/decisions/0041."""
@@ -58,6 +55,7 @@ class TrialWatcher:
         self._pulse: Pulse | None = None
         self._lost = 0
         self._in_doubt = _BEGAN_ANEW if job.place.again else ""
+        self._trial = 1
         self._before = ""
         """The last trial's verdict, in words."""
         self._shown: tuple[str, int, bool] | None = None
@@ -108,7 +106,7 @@ class TrialWatcher:
 
     def _before_look(self) -> None:
         if self._pulse is not None:
-            self._pulse.beat(patience_s=_PATIENCE_S)
+            self._pulse.beat(patience_s=LOOK_S)
 
     def _finish(self, mark: Mark | None) -> None:
         """Give the verdict on the whole trial; the next frames begin another."""
@@ -117,6 +115,7 @@ class TrialWatcher:
             truth = None if mark is None else mark.labels.get(self._contract.target)
             self._send(answer, truth)
         self._shown, self._in_doubt = None, ""
+        self._trial += 1
 
     def _show(self, answer: TrialAnswer | None) -> None:
         """Send a verdict where it is another than the last, or counts on towards a first crop."""
@@ -148,6 +147,7 @@ class TrialWatcher:
             "kind": "answer", "who": self._who, "target": self._contract.target,
             "label": verdict.label, "confidence": sure, "reason": verdict.reason,
             "grasp": verdict.label, "grasp_confidence": sure, "of": of, "last": answer.last,
+            "touch": self._trial,
             "truth": truth, "time_s": answer.time_s, "decided_s": self._sent_s,
         }))  # fmt: skip
         if answer.last:

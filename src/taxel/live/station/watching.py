@@ -18,6 +18,9 @@ from taxel.signals import CameraInfo, SensorInfo
 AGAIN_S = 0.1
 """How often a state that no new frames give is sent again, seconds: its reason says how long, and
 a decision lives for 0.3 s. Source: our choice, docs/decisions/0030."""
+LOOK_S = 10.0
+"""What a look at a crop of a camera trial may take, seconds: 2 cameras × 48 frames take 1 to 2 on a
+slow core. Source: our choice, docs/decisions/0041."""
 Note = dict[str, Any]
 """What a process sends another, as JSON."""
 Came = dict[str, float]
@@ -40,6 +43,8 @@ class Inference:
     """The source's beats."""
     decisions: str
     """Ring of notes."""
+    last_step_s: float = 0.0
+    """How long the step may take with which it answers at the end, seconds: it is waited for."""
     rank: Rank = Rank.MODEL
     """Whom it runs before."""
     least_confidence: float = 0.5

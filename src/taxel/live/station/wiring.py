@@ -30,7 +30,7 @@ from taxel.live.station.processes import ProcessGroup, Worker
 from taxel.live.station.recorder_link import RECORDER
 from taxel.live.station.recording import Recording, apart, choose_recorded, record
 from taxel.live.station.ring import Ring, RingReader, RingWriter
-from taxel.live.station.watching import Inference
+from taxel.live.station.watching import LOOK_S, Inference
 from taxel.live.station.worker import Place, Rank
 from taxel.models.devices import CPU
 from taxel.plain_text import number_of
@@ -43,7 +43,7 @@ _NOTE_BYTES = 2**18
 """Of a ring of notes: some hundreds of decisions. Source: our choice."""
 _ALONE = (
     "taxel live with one bundle (no --also beside one of cameras) and no --page, --record, "
-    "--gripper, --tell, --publish and --beside"
+    "--gripper, --tell, --publish and --beside, and no column alarm in --rules"
 )
 """When there is no station, for messages."""
 
@@ -304,6 +304,7 @@ class Wiring:
                 checksums=tuple(self._checksums[path] for path in paths),
                 sensor=feed.sensor, cameras=feed.cameras,
                 ring=feed.ring, source_row=feed.worker.row, decisions=decisions, rank=rank,
+                last_step_s=LOOK_S if any(map(is_trial_bundle, paths)) else 0.0,
                 least_confidence=self._config.least_confidence, orders=orders,
                 drill=self._config.drill, trust=self._config.trust,
                 device=self._config.device, levels=dict(self.levels),
