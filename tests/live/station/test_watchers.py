@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import make_dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -83,7 +83,7 @@ class Rig:
             rule="gross-slip", gives_probability=False,
             stability=SimpleNamespace(clear=0.3, warn=0.5, unstable=0.8),
         )  # fmt: skip
-        made = Bundle(contract=contract)
+        made = make_dataclass("Bundle", ["contract", ("head", Any, None)])(contract)
         patch.setattr(grasp_watcher, "read_grasp_bundle", lambda *_, **__: made)
         ring = stack.enter_context(Ring(2**16)).name
         self._heard = stack.enter_context(RingReader(ring))
@@ -112,14 +112,6 @@ class Rig:
 
     def notes(self) -> list[Any]:
         return [unpack(content) for content in self._heard.take()]
-
-
-@dataclass(frozen=True)
-class Bundle:
-    """What a watcher reads of a bundle."""
-
-    contract: Any
-    head: Any = None
 
 
 @pytest.fixture
