@@ -17,7 +17,7 @@ from taxel.errors import BadInput, BadSource, MissingExtra
 from taxel.image_head import read_png16
 from taxel.jpeg_head import check_size, read_head
 from taxel.plain_text import number_of
-from taxel.raster_head import is_raster, raster_size
+from taxel.raster_head import as_stored, is_raster, raster_size
 from taxel.signals import CameraInfo
 
 try:
@@ -208,12 +208,14 @@ def still_size(image: bytes) -> tuple[int, int]:
 def decode_still(image: bytes) -> NDArray[np.uint8]:
     """Return the pixels of a PNG, JPEG, BMP or TIFF, shape (height, width, 3), red first.
 
+    They are as the file stores them, however its tags (EXIF, TIFF) ask to turn them.
+
     Raises:
         BadSource: As `still_size` raises, or it is damaged.
     """
     still_size(image)
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-    bgr = cv2.imdecode(np.frombuffer(image, np.uint8), flags)
+    bgr = cv2.imdecode(np.frombuffer(as_stored(image), np.uint8), flags)
     if bgr is None:
         raise BadSource("images that can be read", "a damaged one", "copy it again")
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)

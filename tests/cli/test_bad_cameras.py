@@ -187,6 +187,50 @@ def test_the_same_images_are_not_trained_on_and_tested_on(
     assert "holds the images of" in line
 
 
+def two_cameras(folder: Path, name: str, head: str, order: str) -> Path:
+    """Write a table of six trials, whose files are there once, with the cameras' files in order."""
+    rng = np.random.default_rng(0)
+    lines = [f"{head},label:kind"]
+    for n in range(6):
+        for side in "ab":
+            np.save(folder / f"{side}{n}.npy", rng.integers(0, 255, (9, 24, 32, 3), np.uint8))
+        lines.append(",".join([*(f"{side}{n}.npy" for side in order), "pq"[n % 2]]))
+    (folder / f"{name}.csv").write_text("\n".join(lines) + "\n")
+    return folder / f"{name}.csv"
+
+
+@pytest.mark.parametrize("imported", [(), ("test",), ("train", "test")])
+def test_nor_are_the_same_images_with_the_cameras_swapped(
+    tmp_path: Path, refused: Callable[[list[str]], str], imported: tuple[str, ...]
+) -> None:
+    """A table with the files of left and right in each other's columns was taken for new trials."""
+    data = {name: two_cameras(tmp_path, name, "left,right", order)
+            for name, order in (("train", "ab"), ("test", "ba"))}  # fmt: skip
+    for name in imported:
+        main(["import", str(data[name]), "--output", str(tmp_path / name)])
+        data[name] = tmp_path / name
+
+    line = refused(["evaluate-trials", str(data["train"]), "--test", str(data["test"]),
+                    "--cache", str(tmp_path / "c")])  # fmt: skip
+
+    assert "other trials to test on than to train on" in line
+    assert "holds the images of 0001-a0" in line
+
+
+def test_cameras_in_another_order_are_refused_beside_these(
+    tmp_path: Path, refused: Callable[[list[str]], str]
+) -> None:
+    """A recogniser knows cameras by their place: it saw the left one's images as the right's."""
+    train = two_cameras(tmp_path, "train", "left,right", "ab")
+    test = two_cameras(tmp_path, "test", "right,left", "ab")
+
+    line = refused(["evaluate-trials", str(train), "--test", str(test),
+                    "--cache", str(tmp_path / "c")])  # fmt: skip
+
+    assert "cameras in one order" in line
+    assert "left, right in 0001-a0 and right, left in 0001-a0" in line
+
+
 @pytest.mark.parametrize(("data", "test"), [("train.csv", "rec"), ("rec", "train.csv")])
 def test_nor_are_recordings_that_were_imported_from_them(
     tmp_path: Path, refused: Callable[[list[str]], str], data: str, test: str

@@ -25,6 +25,9 @@ def test_only_a_reaction_after_its_alarm_has_a_time() -> None:
     assert found.median_s == pytest.approx(0.75)
     assert (found.grasps, found.warned, found.reacted, found.before) == (6, 4, 2, 1)
     assert found.outcomes["alarm, no reaction"]["dropped"] == 1
+    kinds = {kind: sum(counts.values()) for kind, counts in found.outcomes.items()}
+    assert kinds["alarm, then a reaction"] == found.reacted
+    assert kinds["a reaction before the alarm"] == found.before
     assert found.outcomes["no alarm"] == {"held": 1, "slipped": 0, "dropped": 0, "unknown": 1}
 
 

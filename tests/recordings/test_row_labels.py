@@ -127,3 +127,10 @@ def test_star_names_columns_that_are_rarely_a_sensors(tmp_path):
     _, (facts,) = bring(tmp_path, table, ",a,label\n0,1,0\n1,2,1\n")
     assert len(facts.doubts) == 1
     assert "a column without a name, label" in facts.doubts[0]
+
+
+def test_a_word_for_an_unknown_label_in_the_rows_is_named(tmp_path):
+    """Rows of "nan", as numpy writes them, became a trial of that class without a word."""
+    text = "\n".join(TEXT.replace("stable", "nan").splitlines()[:6])
+    _, (facts,) = bring(tmp_path, ONE, text, "a[N] b[N]")
+    assert "all.csv: label state: 'nan' (2 ×): taken as any other value" in facts.doubts[0]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadSource, BadTable
+from taxel.frame_codec import decode_still, still_size
 from taxel.raster_head import raster_size
 from taxel.recordings.imports.footage import coloured, open_footage
 from taxel.recordings.imports.video_rows import names_apart, read_video_rows
@@ -32,6 +33,26 @@ def test_an_image_is_footage_of_one_frame(tmp_path: Path, ending: str, grey: boo
     np.testing.assert_array_equal(
         rgb, cv2.cvtColor(own, cv2.COLOR_GRAY2RGB) if grey else own[..., ::-1]
     )
+
+
+@pytest.mark.parametrize("order", ["little", "big"])
+@pytest.mark.parametrize("turned", [1, 3, 6])
+@pytest.mark.parametrize("kind", [3, 4])
+def test_a_tiff_is_read_as_it_is_stored_however_it_asks_to_be_turned(
+    order: str, turned: int, kind: int
+) -> None:
+    """As a JPEG or PNG is: turned by 90°, it had another size than the one that it declares."""
+    grey = IMAGE[..., 0]
+    height, width = grey.shape
+    tags = [(256, 3, width), (257, 3, height), (258, 3, 8), (259, 3, 1), (262, 3, 1),
+            (273, 4, 0), (274, kind, turned), (277, 3, 1), (278, 3, height),
+            (279, 4, grey.size)]  # fmt: skip
+    start = len(tiff(tags, order))
+    tags[5] = (273, 4, start)
+    image = tiff(tags, order) + grey.tobytes()
+
+    assert still_size(image) == (width, height)
+    np.testing.assert_array_equal(decode_still(image)[..., 0], grey)
 
 
 def test_heads_of_bmp_and_tiff_say_their_size_in_either_order_of_bytes() -> None:

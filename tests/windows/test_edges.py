@@ -205,7 +205,7 @@ def files(frames: int, images: Iterable[int]) -> CameraTrial:
     """A trial of two cameras' files, which give these grey levels."""
     return CameraTrial(
         name="a", labels={}, groups={}, cameras=("left", "right"), frames=frames, width=8, height=8,
-        rate_hz=25.0, mm_per_px=None, digest="0", recorded=False,
+        rate_hz=25.0, mm_per_px=None, digest="0", turned="0", recorded=False,
         read=lambda camera: (np.full((8, 8, 3), 40 * grey, np.uint8) for grey in images),
     )  # fmt: skip
 

@@ -35,6 +35,8 @@ class Stretch:
     count: int
     digest: str
     """SHA-256 over their images in order, hexadecimal."""
+    turned: str
+    """Likewise, with the cameras in reverse order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +59,8 @@ class CameraRecording:
     """Shape (n, channels): the array's last scan at each set's time."""
     digest: str
     """SHA-256 over all images in order, hexadecimal."""
+    turned: str
+    """Likewise, with the cameras in reverse order."""
     marked: int = 1
     """Labelled stretches; labels and groups are the first's."""
     stretch: Stretch | None = None
@@ -107,14 +111,12 @@ def read_camera_recording(path: Path | str, least: int = LEAST_FRAMES) -> Camera
     times: list[float] = []
     image: list[list[int]] = []
     known: dict[bytes, int] = {}
-    whole = hashlib.sha256()
+    whole, turned = hashlib.sha256(), hashlib.sha256()
     for found in frame_sets(path, len(manifest.tactile)):
-        row = []
-        for frame in found.frames:
-            digest = hashlib.sha256(frame.jpeg).digest()
-            whole.update(digest)
-            row.append(known.setdefault(digest, len(known)))
-        image.append(row)
+        digests = [hashlib.sha256(frame.jpeg).digest() for frame in found.frames]
+        whole.update(b"".join(digests))
+        turned.update(b"".join(reversed(digests)))
+        image.append([known.setdefault(digest, len(known)) for digest in digests])
         times.append(found.time_s)
     if len(times) < least:
         raise BadDataset(
@@ -135,6 +137,7 @@ def read_camera_recording(path: Path | str, least: int = LEAST_FRAMES) -> Camera
         image=np.array(image, np.intp),
         beside=_latest(recording.samples.values, recording.samples.fitted_s, time_s),
         digest=whole.hexdigest(),
+        turned=turned.hexdigest(),
         marked=len(trials),
         stretch=None if first is None else _stretch(times, first, image, list(known)),
     )
@@ -155,7 +158,9 @@ def _stretch(
     if len(inside) == len(times):
         return None
     whole = hashlib.sha256(b"".join(digests[own] for n in inside for own in image[n]))
-    return Stretch(inside[0] if inside else 0, len(inside), whole.hexdigest())
+    turned = hashlib.sha256(b"".join(digests[own] for n in inside for own in reversed(image[n])))
+    first = inside[0] if inside else 0
+    return Stretch(first, len(inside), whole.hexdigest(), turned.hexdigest())
 
 
 def read_camera_recordings(path: Path | str, least: int = LEAST_FRAMES) -> list[CameraRecording]:

@@ -72,6 +72,8 @@ class CameraTrial:
     """Millimetres that a pixel covers; None where nobody said."""
     digest: str
     """SHA-256 over all images, hexadecimal."""
+    turned: str
+    """Likewise, with the cameras in reverse order: `digest` of the same two files, swapped."""
     recorded: bool
     """True where the images are a recording's own, which `digest` is over; False for files."""
     read: Reader
@@ -118,22 +120,45 @@ class CameraTrial:
         streams = [self.read(camera) for camera in range(len(self.cameras))]
         return islice(zip(*streams, strict=False), self.frames)
 
-    def digests(self) -> tuple[str, ...]:
+    def digests(self, *, turned: bool = False) -> tuple[str, ...]:
         """Return `digest` and, of files, the digest of the recording that an import makes of them.
 
         By both a trial is known again whether it is read in place or imported. Files are decoded
         and coded once for it.
 
+        Args:
+            turned: Also those with the cameras in reverse order.
+
         Raises:
             BadTable: A video cannot be read.
         """
+        own = (self.digest, self.turned) if turned else (self.digest,)
         if self.recorded:
-            return (self.digest,)
-        whole = hashlib.sha256()
+            return own
+        whole, back = hashlib.sha256(), hashlib.sha256()
         for images in self.moments():
-            for image in images:
-                whole.update(hashlib.sha256(encode_jpeg(image, QUALITY)).digest())
-        return self.digest, whole.hexdigest()
+            each = [hashlib.sha256(encode_jpeg(image, QUALITY)).digest() for image in images]
+            whole.update(b"".join(each))
+            back.update(b"".join(reversed(each)))
+        return (*own, whole.hexdigest(), *([back.hexdigest()] if turned else []))
+
+
+def check_order(trials: Sequence[CameraTrial]) -> None:
+    """Refuse trials of the same cameras in another order: recognisers know them by their place.
+
+    Raises:
+        BadDataset: There are some.
+    """
+    known: dict[tuple[str, ...], CameraTrial] = {}
+    for trial in trials:
+        first = known.setdefault(tuple(sorted(trial.cameras)), trial)
+        if first.cameras != trial.cameras:
+            raise BadDataset(
+                "cameras in one order in all trials",
+                f"{visible_names(first.cameras)} in {first.name} and "
+                f"{visible_names(trial.cameras)} in {trial.name}",
+                "put the tables' columns in one order, or record or import the trials anew",
+            )
 
 
 def check_unchanged(trial: CameraTrial) -> None:
@@ -260,8 +285,8 @@ def read_camera_trials(path: Path, *, outside: bool = False) -> list[CameraTrial
     Raises:
         BadTable: The table or a video is not as it should be.
         BadRecording: A recording is damaged, or there is none.
-        BadDataset: There are no cameras, trials differ in their number, or those of a trial in
-            their images' size.
+        BadDataset: There are no cameras, trials differ in their number or order, or those of a
+            trial in their images' size.
     """
     if path.suffix.lower() in TABLES and path.is_file():
         trials = [_of_row(row) for row in read_video_rows(path, path.parent, outside=outside)]
@@ -276,6 +301,7 @@ def read_camera_trials(path: Path, *, outside: bool = False) -> list[CameraTrial
             "trials of as many cameras each", f"some of {min(counts)}, some of {max(counts)}",
             "make a table of each",
         )  # fmt: skip
+    check_order(trials)
     return trials
 
 
@@ -301,6 +327,7 @@ def _of_row(row: VideoRow) -> CameraTrial:
                     f"{video.width}×{video.height} in {video.path}",
                     "scale them to one size",
                 )
+        digests = [video.digest() for video in videos.values()]
         return CameraTrial(
             name=row.name,
             labels=row.labels,
@@ -311,7 +338,8 @@ def _of_row(row: VideoRow) -> CameraTrial:
             height=first.height,
             rate_hz=row.rate_hz or same_rate(row.name, videos),
             mm_per_px=row.mm_per_px,
-            digest=_together([video.digest() for video in videos.values()]),
+            digest=_together(digests),
+            turned=_together(digests[::-1]),
             recorded=False,
             read=_Files(row.name, tuple(file.absolute() for file in row.files.values())),
         )
@@ -334,7 +362,7 @@ def _of_pour(pour: CameraRecording) -> CameraTrial:
 
     width, height = image_size([pour])
     camera = pour.cameras[0]
-    cut = pour.stretch or Stretch(0, len(pour), pour.digest)
+    cut = pour.stretch or Stretch(0, len(pour), pour.digest, pour.turned)
     if not cut.count:
         raise BadDataset(
             "a frame of each camera within the labelled stretch", f"none in {pour.path}",
@@ -353,6 +381,7 @@ def _of_pour(pour: CameraRecording) -> CameraTrial:
         rate_hz=camera.rate_hz,
         mm_per_px=camera.mm_per_px,
         digest=cut.digest,
+        turned=cut.turned,
         recorded=True,
         read=_Recorded(pour.path.absolute(), pour.cameras, cut.first, behind),
         slip_um=slip_um,

@@ -39,7 +39,7 @@ class Brightness:
 
 TRIAL = CameraTrial(
     name="t", labels={}, groups={}, cameras=("left",), frames=240, width=4, height=4, rate_hz=25.0,
-    mm_per_px=None, digest="d" * 64, recorded=False, read=Numbered(),
+    mm_per_px=None, digest="d" * 64, turned="d" * 64, recorded=False, read=Numbered(),
 )  # fmt: skip
 
 

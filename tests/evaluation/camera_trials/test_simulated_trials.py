@@ -142,8 +142,8 @@ def test_real_trials_are_looked_at_as_simulated_ones_are(
 ) -> None:
     real = CameraTrial(
         name="real", labels={}, groups={}, cameras=("left", "right"), frames=150, width=320,
-        height=240, rate_hz=25.0, mm_per_px=None, digest="0" * 64, recorded=True,
-        read=lambda camera: iter(images[camera]),
+        height=240, rate_hz=25.0, mm_per_px=None, digest="0" * 64, turned="0" * 64,
+        recorded=True, read=lambda camera: iter(images[camera]),
     )  # fmt: skip
     monkeypatch.setenv("TAXEL_CACHE", str(tmp_path))
     with pytest.MonkeyPatch.context() as patch:

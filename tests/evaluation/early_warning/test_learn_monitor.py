@@ -56,6 +56,7 @@ def pour(cup: int, slips: bool) -> CameraRecording:
         sensor=SensorInfo(name="truth", channels=TRUTH_CHANNELS, units=TRUTH_UNITS, rate_hz=60.0),
         time_s=frame / 60.0, image=np.stack([frame, frame], axis=1), beside=truth,
         digest=f"{cup} {slips}",
+        turned=f"{cup} {slips}",
     )  # fmt: skip
 
 

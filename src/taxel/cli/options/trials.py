@@ -146,7 +146,7 @@ class TrialOptions:
 
     def _read(self, data: Path) -> list[CameraTrial]:
         from taxel.recordings.imports.video_rows import SPLIT, TEST
-        from taxel.windows.camera_trials import read_camera_trials
+        from taxel.windows.camera_trials import check_order, read_camera_trials
 
         trials = read_camera_trials(data)
         if same := [names for names in _alike(trials).values() if len(names) > 1]:
@@ -158,11 +158,13 @@ class TrialOptions:
         if self.test is None:
             return trials
         others = read_camera_trials(self.test)
+        check_order([*trials, *others])
         # A recording's own images are compared with those that an import makes of files.
         mixed = {trial.recorded for trial in (*trials, *others)} == {True, False}
         known = {own: trial.name for trial in trials for own in _digests(trial, mixed)}
         for trial in others:
-            if twin := next((own for own in _digests(trial, mixed) if own in known), None):
+            own_digests = _digests(trial, mixed, turned=True)
+            if twin := next((own for own in own_digests if own in known), None):
                 raise BadInput(
                     "other trials to test on than to train on",
                     f"{trial.name} in {self.test}, which holds the images of {known[twin]}",
@@ -189,15 +191,17 @@ class TrialOptions:
         )
 
 
-def _digests(trial: CameraTrial, mixed: bool) -> tuple[str, ...]:
-    return trial.digests() if mixed else (trial.digest,)
+def _digests(trial: CameraTrial, mixed: bool, *, turned: bool = False) -> tuple[str, ...]:
+    if mixed:
+        return trial.digests(turned=turned)
+    return (trial.digest, trial.turned) if turned else (trial.digest,)
 
 
 def _alike(trials: list[CameraTrial]) -> dict[str, list[str]]:
-    """Return the names of the trials that hold each set of images, by its digest."""
+    """Return the names of the trials that hold each set of images, whichever camera saw which."""
     found: dict[str, list[str]] = {}
     for trial in trials:
-        found.setdefault(trial.digest, []).append(trial.name)
+        found.setdefault(min(trial.digest, trial.turned), []).append(trial.name)
     return found
 
 

@@ -28,7 +28,7 @@ from taxel.recordings.imports.notes import FileFacts, notes_of
 from taxel.recordings.imports.part import Row, spread
 from taxel.recordings.imports.rows import ImportRow, read_rows
 from taxel.recordings.imports.same_cameras import Pair, same_notes
-from taxel.recordings.imports.spelling import look_alikes
+from taxel.recordings.imports.spelling import look_alikes, unknown_words
 from taxel.recordings.imports.video_rows import VideoRow
 
 if TYPE_CHECKING:
@@ -239,9 +239,12 @@ class Import:
 
 
 def _notes(parts: Sequence[ImportRow | VideoRow | Interval]) -> list[str]:
-    """Return a line for each lot of labels or groups that may be one, differently typed."""
-    return [*look_alikes("label", (part.labels for part in parts)),
-            *look_alikes("group", (part.groups for part in parts))]  # fmt: skip
+    """Return a line for each lot of labels or groups that may be one, or that may be none."""
+    labels, groups = [part.labels for part in parts], [part.groups for part in parts]
+    return [
+        *look_alikes("label", labels), *unknown_words("label", labels),
+        *look_alikes("group", groups), *unknown_words("group", groups),
+    ]  # fmt: skip
 
 
 def _gone_note(earlier: Sequence[str], made: Sequence[Path]) -> list[str]:

@@ -51,7 +51,7 @@ def describe_table(path: Path) -> tuple[list[str], dict[str, Any]]:
 def _values(path: Path, trials: Sequence[CameraTrial]) -> dict[str, Any]:
     labels = sorted({name for trial in trials for name in trial.labels})
     groups = sorted({name for trial in trials for name in trial.groups} - _OWN)
-    twins = Counter(trial.digest for trial in trials)
+    twins = Counter(min(trial.digest, trial.turned) for trial in trials)
     lengths = [trial.frames for trial in trials]
     return {
         "path": str(path),

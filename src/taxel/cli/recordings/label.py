@@ -131,14 +131,18 @@ class Label:
     def _mark(self, intervals: Path, output: Path) -> None:
         """Write labelled copies, and say what was made."""
         from taxel.labels.marking import mark_recordings
-        from taxel.recordings.imports.spelling import look_alikes
+        from taxel.recordings.imports.spelling import look_alikes, unknown_words
 
         with counted("labelling") as show:
             marked = mark_recordings(
                 self.path, intervals, output, overwrite=self.overwrite, progress=show
             )
-        notes = [*look_alikes("label", (mark.labels for mark in marked.marks)),
-                 *look_alikes("group", (mark.groups for mark in marked.marks))]  # fmt: skip
+        labels = [mark.labels for mark in marked.marks]
+        groups = [mark.groups for mark in marked.marks]
+        notes = [
+            *look_alikes("label", labels), *unknown_words("label", labels),
+            *look_alikes("group", groups), *unknown_words("group", groups),
+        ]  # fmt: skip
         if marked.replaced:
             notes.append(f"{number_of(marked.replaced, 'earlier mark')} left out of the copies")
         if marked.left_out:

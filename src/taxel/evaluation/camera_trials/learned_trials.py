@@ -36,4 +36,7 @@ def trained_on(contract: TrialContract, trials: Sequence[CameraTrial]) -> tuple[
 
 
 def _among(trial: CameraTrial, known: set[str]) -> bool:
-    return fingerprint_of(trial.digest) in known or not known.isdisjoint(fingerprints([trial]))
+    as_read = {fingerprint_of(trial.digest), fingerprint_of(trial.turned)}
+    return not known.isdisjoint(as_read) or any(
+        fingerprint_of(own) in known for own in trial.digests(turned=True)
+    )

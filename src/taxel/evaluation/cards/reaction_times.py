@@ -46,7 +46,8 @@ class ReactionTimes:
     """Kind of grasp (`KINDS`) → outcome, or "unknown" → grasps."""
 
 
-KINDS = ("alarm, reaction", "alarm, no reaction", "no alarm")
+KINDS = ("alarm, then a reaction", "a reaction before the alarm", "alarm, no reaction", "no alarm")
+"""A reaction before the alarm has another reason: what came of it is no outcome of a warning."""
 
 
 def reaction_times(logs: Sequence[Sequence[GraspTrial]], seed: int = 0) -> ReactionTimes:
@@ -86,7 +87,10 @@ def _times(log: Sequence[GraspTrial]) -> NDArray[np.float64]:
 def _kind(trial: GraspTrial) -> str:
     if trial.alarm_s is None:
         return "no alarm"
-    return "alarm, reaction" if trial.reaction else "alarm, no reaction"
+    if not trial.reaction:
+        return "alarm, no reaction"
+    before = (trial.reaction_time_s or 0.0) < 0
+    return "a reaction before the alarm" if before else "alarm, then a reaction"
 
 
 def _interval(parts: Sequence[NDArray[np.float64]], seed: int) -> tuple[float, float]:

@@ -40,14 +40,14 @@ from taxel.recordings.imports.notes import (
 from taxel.recordings.imports.reading import Content, in_pieces, reader_of
 from taxel.recordings.imports.row_labels import remarks_on_rows
 from taxel.recordings.imports.rows import ImportRow, read_rows
-from taxel.recordings.imports.spelling import composed
+from taxel.recordings.imports.spelling import composed, unknown_words
 from taxel.recordings.imports.value_tables import tables
 from taxel.recordings.imports.value_tables.row_times import BadTimes, OnBadTime
 from taxel.recordings.imports.value_tables.table_form import is_text, is_whole
 from taxel.recordings.imports.value_tables.tables import Missing, Table
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
-from taxel.signals import SensorInfo
+from taxel.signals import Mark, SensorInfo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -323,7 +323,12 @@ def _import_file(job: _Job, content: Content, path: Path) -> FileFacts:
         file=f"{row.file.name}[{row.details['trial']}]" if row.trial else row.file.name,
         of_line=(*row.remarks, *remarks_on_rows(row.by_row)),
         remarks=tuple(source.remarks) if source else table.remarks,
-        doubts=(*row.doubts, *(source.doubts if source else ()), *_doubtful(row, table)),
+        doubts=(
+            *row.doubts,
+            *(source.doubts if source else ()),
+            *_doubtful(row, table),
+            *_no_labels(row, content.marks),
+        ),
         coarse=coarse_of(table.values, table.names),
         lying=lying_of(*table.values.shape) if _by_star(row) and _may_lie(row, table) else "",
         marked=content.marked,
@@ -381,3 +386,9 @@ def _stated_rate(row: ImportRow) -> float:
 
 def _composed(pairs: Mapping[str, str]) -> dict[str, str]:
     return {composed(name): composed(value) for name, value in pairs.items()}
+
+
+def _no_labels(row: ImportRow, marks: Sequence[Mark]) -> list[str]:
+    """Return a line on labels that stand in rows, and may mean that there is none."""
+    words = unknown_words("label", (mark.labels for mark in marks)) if row.by_row else []
+    return [f"{visible(row.called or row.file.name)}: {line}" for line in words]

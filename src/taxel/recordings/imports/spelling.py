@@ -1,4 +1,5 @@
-"""Names: one spelling, their order by the numbers in them, and a word on those that look alike.
+"""Names: one spelling, their order by the numbers in them, and a word on those that look alike,
+or like no value.
 
 Knows nothing about files, recordings or tables.
 """
@@ -7,9 +8,12 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping
 
+_UNKNOWN = frozenset(("nan", "na", "n/a", "#n/a", "<na>", "null"))
+"""What numpy, pandas, R and SQL write for an unknown value, in small letters; "none" is also what
+people write where nothing is touched. Source: our choice, docs/decisions/0011."""
 _NUMBER = re.compile(r"([+-]?)([0-9]{1,40})(?:\.([0-9]{0,40}))?")
 
 
@@ -62,6 +66,26 @@ def look_alikes(what: str, sets: Iterable[Mapping[str, str]]) -> list[str]:
         for how, own in (("case or blanks", lots), ("how a number is written", numbers))
         for (name, _), values in sorted(own.items())
         if len(values) > 1
+    ]
+
+
+def unknown_words(what: str, sets: Iterable[Mapping[str, str]]) -> list[str]:
+    """Return a line for each label, or group, with words that mean elsewhere that it is unknown.
+
+    Args:
+        what: As for `look_alikes`.
+        sets: Likewise.
+    """
+    found: dict[str, Counter[str]] = defaultdict(Counter)
+    for group in sets:
+        for name, value in group.items():
+            if value.casefold() in _UNKNOWN:
+                found[composed(name)][value] += 1
+    mend = "leave the cell empty, or the trial out" if what == "label" else "leave those trials out"
+    return [
+        f"{what} {name}: {', '.join(f'{word!r} ({words[word]} ×)' for word in sorted(words))}: "
+        f"taken as any other value; where it means that the {what} is unknown, {mend}"
+        for name, words in sorted(found.items())
     ]
 
 
