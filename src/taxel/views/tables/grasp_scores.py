@@ -36,7 +36,10 @@ def grasp_score_table(found: GraspScores, bundle: str, data: str) -> RenderableT
         )
     if found.slipped > found.timed:
         unknown = number_of(found.slipped - found.timed, "grasp")
-        lines.append(f"no lead of {unknown}: when it slipped is not known (taxel label --onsets)")
+        lines.append(
+            f"no lead of {unknown}: when it slipped is not known (of a recording of one grasp: "
+            "taxel label --onsets)"
+        )
     lines.append(f"state UNKNOWN in {100 * found.unknown_share:.1f} % of the time")
     lines += [
         f"left out: {number_of(count, 'grasp')} with "
