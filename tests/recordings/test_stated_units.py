@@ -81,5 +81,5 @@ def test_only_the_first_columns_are_named() -> None:
 def test_a_name_with_brackets_is_refused_with_what_to_write() -> None:
     with pytest.raises(BadTable, match=r"write its number from 1, as in 2\[N\]"):
         parse_columns("Kraft links [N][N]", "here")
-    with pytest.raises(BadTable, match=r"write its number from 1, as in 2\[N\]"):
+    with pytest.raises(BadTable, match=r"write its number from 1, as in 2\[ms\]"):
         parse_time("Zeit [ms][ms]", "here")
