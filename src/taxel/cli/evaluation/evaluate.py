@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
+from taxel.bundles.shipped import find_bundle
 from taxel.cli.cross_validation import print_checked
 from taxel.cli.evaluation.html_pages import older_page, say_page
 from taxel.cli.options.arrays import (
@@ -103,7 +104,6 @@ class Evaluate:
     def run(self) -> None:
         """Measure and print."""
         from taxel.bundles.envelope import is_grasp_bundle, need_bundle
-        from taxel.bundles.shipped import find_bundle
 
         bundle = find_bundle(self.data)
         refuse_other_table(bundle)
@@ -193,8 +193,10 @@ def _as_record(checked: Checked) -> dict[str, Any]:
 
 
 def _is_bundle_file(path: Path) -> bool:
-    """Return whether a path is a file that a bundle could be, and no recording."""
-    return path.is_file() and path.suffix != ".mcap"
+    """Return whether a path is a file that a bundle could be, and no recording, or the name of a
+    bundle that comes with taxel.
+    """
+    return find_bundle(path).is_file() and path.suffix != ".mcap"
 
 
 def _evaluate_bundle(
