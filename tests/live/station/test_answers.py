@@ -2,7 +2,11 @@
 
 from typing import Any
 
-from taxel.live.station.answers import Answers
+from taxel.actions.alarm import Level
+from taxel.actions.interlock import Interlock, InterlockConfig
+from taxel.actions.rule_table import Rule, RuleTable
+from taxel.live.station.answers import Answers, end_alarms, weigh_alarm
+from taxel.live.station.guard import Guard
 
 
 def note(who: str, label: str) -> dict[str, Any]:
@@ -81,3 +85,18 @@ def test_where_a_level_stands_is_kept_for_the_summary_and_for_a_process_that_fol
     answers.keep({"kind": "level", "who": "monitor/0", "state": state, "text": words})
     assert answers.levels == {"monitor/0": state}
     assert answers.summary()[0]["level"] == words
+
+
+def test_the_alarm_of_a_recogniser_that_is_given_up_ends_and_waits_for_a_person() -> None:
+    """Its last answer is of no touch that is there now; another recogniser's alarm stays on."""
+    rules = RuleTable((Rule(label="ball", least=0.5, action="stop", alarm=Level.DANGER),))
+    rows = [{"target": "shape", "bundle": "a.taxel", "who": who} for who in ("one/0", "two/0")]
+    guard, answers = Guard(Interlock(InterlockConfig(min_n=1.0, max_n=2.0))), Answers(rows, rules)
+    for row in rows:
+        answer, _ = answers.add(note(str(row["who"]), "ball"))
+        weigh_alarm(guard, answer, 1.0)
+    end_alarms(guard, ("one/0",), 2.0)
+    end_alarms(guard, (), 3.0)
+
+    on = {alarm.kind: (alarm.on, alarm.acknowledged) for alarm in guard.alarms.alarms}
+    assert on == {"answer of one/0: ball": (False, False), "answer of two/0: ball": (True, False)}

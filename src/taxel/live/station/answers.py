@@ -133,7 +133,7 @@ def weigh_alarm(guard: Guard, answer: dict[str, Any], now_s: float) -> None:
         answer: As `Answers.add` gives it.
         now_s: Monotonic seconds.
     """
-    whose = f"answer of {answer['who']}: "
+    whose = _alarms_of(answer["who"])
     kind = f"{whose}{answer['grasp']}"
     for alarm in guard.alarms.alarms:
         other = alarm.kind != kind or answer["begins"] or not answer["alarm"]
@@ -142,6 +142,25 @@ def weigh_alarm(guard: Guard, answer: dict[str, Any], now_s: float) -> None:
     if answer["alarm"]:
         text = f"{answer['target']} {answer['grasp']}: {answer['action']}"
         guard.trouble(kind, text, now_s, danger=answer["alarm"] == Level.DANGER)
+
+
+def end_alarms(guard: Guard, given_up: Collection[str], now_s: float) -> None:
+    """Let the alarms of recognisers end whose process is not started again: nobody answers now.
+
+    Args:
+        guard: Holds the alarms; what nobody acknowledged still waits for a person.
+        given_up: Names of such recognisers.
+        now_s: Monotonic seconds.
+    """
+    ended = tuple(map(_alarms_of, given_up))
+    for alarm in guard.alarms.alarms if ended else ():
+        if alarm.kind.startswith(ended):
+            guard.over(alarm.kind, now_s)
+
+
+def _alarms_of(who: str) -> str:
+    """Return how the kinds of a recogniser's alarms begin."""
+    return f"answer of {who}: "
 
 
 def _as_shown(title: str, note: dict[str, Any]) -> dict[str, Any]:

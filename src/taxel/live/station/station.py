@@ -24,7 +24,7 @@ from taxel.clock import asleep_s
 from taxel.decisions.reasons import kind_of
 from taxel.decisions.stability import Stability
 from taxel.live.station.alarm_watch import AlarmWatch, watch
-from taxel.live.station.answers import Answers, weigh_alarm
+from taxel.live.station.answers import Answers, end_alarms, weigh_alarm
 from taxel.live.station.beats import Beats, Work
 from taxel.live.station.driving import Driving
 from taxel.live.station.guard import NO_GRASP, Guard
@@ -260,6 +260,7 @@ class Station:
         notes = self._hear(now_s)
         self._watch.look(now_s)
         self._late.forget(self.wiring.given_up, now_s)
+        end_alarms(self.guard, self.wiring.given_up, now_s)
         self.driving.tick(now_s)
         self.person.tick(now_s)
         acted_s = monotonic()

@@ -25,7 +25,7 @@ def grasp_score_table(found: GraspScores, bundle: str, data: str) -> RenderableT
         data: Where the recordings lie.
     """
     title = f"{visible(bundle)} on {visible(data)}: {number_of(found.grasps, 'grasp')}"
-    table: Table = result_table(title, ("", "grasps", "with an alarm"))
+    table: Table = result_table(None, ("", "grasps", "with an alarm"))
     table.add_row("held", str(found.held), _of(found.held_alarmed, found.held))
     table.add_row("slipped", str(found.slipped), _of(found.slipped_alarmed, found.slipped))
     lines = [*_false(found), *_lead(found)]
@@ -46,7 +46,7 @@ def grasp_score_table(found: GraspScores, bundle: str, data: str) -> RenderableT
         + (f"the outcome {visible(word)}, which says neither" if word else "no outcome")
         for word, count in found.left_out.items()
     ]
-    return Group(table, *(Text(line) for line in lines))
+    return Group(Text(title, style="bold"), table, *(Text(line) for line in lines))
 
 
 def _of(count: int, of: int) -> str:
