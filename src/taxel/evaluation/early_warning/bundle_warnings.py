@@ -32,7 +32,7 @@ from taxel.evaluation.rank_area import area
 from taxel.evaluation.transitions.data import truth_moments
 from taxel.labels.corrections import read_corrections
 from taxel.sim.pour.state import has_truth
-from taxel.windows.camera_recordings import read_camera_recording
+from taxel.windows.camera_recordings import LEAST_FRAMES, read_camera_recording
 
 HELD: Final = frozenset({"hold", "held", "stable", "no slip"})
 LOST: Final = frozenset({"slip", "slipped", "gross slip", "drop", "dropped", "unstable"})
@@ -41,7 +41,6 @@ RULES: Final = "gross-slip", "slip", "change"
 """Rules of which a person's correction says when a grasp slipped, the first one first."""
 CLUSTERS: Final = "object", "cup", "session"
 """Groups that intervals are resampled by: the first that all grasps name, with two values."""
-_LEAST_MOMENTS: Final = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +117,7 @@ def judged(path: Path, tracks: Sequence[GraspTrack]) -> list[WatchedGrasp]:
     onset_s, event_s, known = _moments(path) if len(tracks) == 1 else (None, None, False)
     found = []
     for track in tracks:
-        if len(track.states) < _LEAST_MOMENTS:
+        if len(track.states) < LEAST_FRAMES:
             continue
         word = track.labels.get("outcome", "")
         slips = event_s is not None if known else _slips(word.strip().lower())
