@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import threading
 from multiprocessing.connection import Connection
 
 import pytest
@@ -12,7 +13,14 @@ from station_rig import WAIT_S
 from taxel.errors import BadBundle
 from taxel.live.station import worker
 from taxel.live.station.beats import Beats, Work
-from taxel.live.station.worker import Place, Rank, at_work, hurry, may_run_in_real_time
+from taxel.live.station.worker import (
+    Place,
+    Rank,
+    at_work,
+    hurry,
+    hurry_threads,
+    may_run_in_real_time,
+)
 
 CONTEXT = multiprocessing.get_context("spawn")
 State = tuple[int, int, int]
@@ -63,6 +71,36 @@ def test_a_rank_is_a_real_time_priority_and_is_given_back(rank: Rank):
     assert after == before
     # What a source starts reads its camera; what the supervisor starts says itself what it is.
     assert child[0] == (os.SCHED_OTHER if rank is Rank.SUPERVISOR else os.SCHED_FIFO)
+
+
+def _hurry_threads(pipe: Connection) -> None:
+    over, numbers = threading.Event(), []
+
+    def wait(niceness: int) -> None:
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), niceness)
+        numbers.append(threading.get_native_id())
+        over.wait()
+
+    own = os.getpriority(os.PRIO_PROCESS, 0)
+    threads = [threading.Thread(target=wait, args=(at,)) for at in (own, own + 1)]
+    for thread in threads:
+        thread.start()
+        while len(numbers) <= threads.index(thread):
+            pass
+    hurry_threads(Rank.MODEL)
+    pipe.send([os.sched_getscheduler(number) for number in (0, *numbers)])
+    over.set()
+
+
+@pytest.mark.skipif(not may_run_in_real_time(), reason="real-time scheduling is not permitted")
+def test_threads_that_were_there_before_take_the_rank_but_not_those_that_stand_back():
+    """What a source or a model starts while it is opened, as a camera's reader."""
+    mine, theirs = CONTEXT.Pipe(duplex=False)
+    process = CONTEXT.Process(target=_hurry_threads, args=(theirs,))
+    process.start()
+    schedulers = mine.recv()
+    process.join()
+    assert schedulers == [os.SCHED_FIFO, os.SCHED_FIFO, os.SCHED_OTHER]
 
 
 def test_where_real_time_is_not_permitted_niceness_stands_in(monkeypatch: pytest.MonkeyPatch):

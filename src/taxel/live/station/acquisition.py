@@ -16,7 +16,7 @@ from taxel.live.station.beats import Work
 from taxel.live.station.packets import pack, unpack
 from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.source_news import SourceNews
-from taxel.live.station.worker import Place, Pulse, Rank, at_work, settle_memory
+from taxel.live.station.worker import Place, Pulse, Rank, at_work, hurry_threads, settle_memory
 from taxel.signals import Frame
 from taxel.sources.contract import Source
 from taxel.sources.opening import open_source
@@ -58,7 +58,7 @@ class Acquisition:
 
 def acquire(job: Acquisition) -> None:
     """Read a source until it is asked to end; the entry point of the process."""
-    with at_work(job.place, urgent=Rank.SOURCE) as pulse:
+    with at_work(job.place) as pulse:
         try:
             source = open_source(job.url)
         except TaxelError as error:
@@ -68,6 +68,7 @@ def acquire(job: Acquisition) -> None:
         with source, RingWriter(job.ring) as writer, RingReader(job.orders) as orders:
             pulse.report("opened", source.info, source.cameras)
             settle_memory()
+            hurry_threads(Rank.SOURCE)
             while not (pulse.may_begin or pulse.stopping):
                 pulse.beat(Work.STARTING)
                 sleep(_WAIT_S / 4)

@@ -20,7 +20,7 @@ from taxel.live.station.grasp_watcher import GraspWatcher
 from taxel.live.station.packets import Packet, asks, unpack
 from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.watching import Came, Inference, Note
-from taxel.live.station.worker import Pulse, at_work, settle_memory
+from taxel.live.station.worker import Pulse, at_work, hurry_threads, settle_memory
 
 _LOOK_S = 0.005
 """How often a silent input is looked at: its age makes the state UNKNOWN."""
@@ -51,7 +51,7 @@ class Watcher(Protocol):
 def infer(job: Inference) -> None:
     """Decide until asked to end; the entry point of the process."""
     with (
-        at_work(job.place, urgent=job.rank) as pulse,
+        at_work(job.place) as pulse,
         RingReader(job.ring) as reader,
         RingReader(job.orders) as orders,
         RingWriter(job.decisions) as writer,
@@ -59,6 +59,7 @@ def infer(job: Inference) -> None:
         watchers = [watcher_of(path, job, writer, i) for i, path in enumerate(job.bundles)]
         pulse.report("opened", [watcher.what for watcher in watchers])
         settle_memory()
+        hurry_threads(job.rank)
         looked_s = monotonic()
         while True:
             pulse.beat(patience_s=job.last_step_s if pulse.stopping else 0.0)
