@@ -88,8 +88,7 @@ class TrialWatch:
         self._sets: list[FrameSet] = []
         self._changes = Changes(self.bundle.contract.layout.step)
         self._count = 0
-        self._total = np.zeros(len(self.bundle.contract.classes))
-        self._novelty, self._crops = 0.0, 0
+        self._so_far = VerdictSoFar(self.bundle, self._config)
         self._verdict = no_verdict(self.bundle.contract.classes, "no frame yet")
         self._bad = ""
         self._gone: TrialAnswer | None = None
@@ -200,18 +199,13 @@ class TrialWatch:
         return no_verdict(self.bundle.contract.classes, self._bad) if self._bad else None
 
     def _look(self) -> None:
-        """Look at the crop that ends now, beside those before: of these the sums are kept alone,
-        since without marks a trial lasts as long as its cameras.
-        """
+        """Look at the crop that ends now, beside those before."""
         try:
             own, novelty = self._crop(self._sets[-self.bundle.contract.layout.span :])
         except BadSource as error:
             self._bad = error.got
             return
-        self._total, self._novelty = self._total + own, self._novelty + novelty
-        self._crops += 1
-        mean = self._total / self._crops, self._novelty / self._crops
-        self._verdict = replace(self._joined([mean]), crops=self._crops)
+        self._verdict = self._so_far.add(own, novelty)
 
     def _whole(self) -> Verdict:
         contract = self.bundle.contract
@@ -249,6 +243,35 @@ class TrialWatch:
             ]
             for found in sets
         ]
+
+
+class VerdictSoFar:
+    """The verdict of all crops of a trial that were looked at while it runs, which count alike.
+
+    Sums are kept alone, since without marks a trial lasts as long as its cameras.
+
+    Args:
+        bundle: What is recognised.
+        config: When a verdict may be given.
+    """
+
+    def __init__(self, bundle: TrialBundle, config: VerdictConfig) -> None:
+        self._classes, self._config = bundle.contract.classes, config
+        self._total = np.zeros(len(self._classes))
+        self._novelty, self._crops = 0.0, 0
+
+    def add(self, probabilities: NDArray[np.float64], novelty: float) -> Verdict:
+        """Take in one crop more; return the verdict.
+
+        Args:
+            probabilities: The crop's, shape (classes,).
+            novelty: Its novelty score.
+        """
+        self._total, self._novelty = self._total + probabilities, self._novelty + novelty
+        self._crops += 1
+        mean, score = self._total / self._crops, np.array([self._novelty / self._crops])
+        verdict = join_crops(mean[None], score, self._classes, self._config)
+        return replace(verdict, crops=self._crops)
 
 
 def verdict_config(bundle: TrialBundle, least_confidence: float = 0.5) -> VerdictConfig:

@@ -61,11 +61,20 @@ def predict_side_by_side(
 def _predict(file: Path, digest: str, trial: CameraTrial) -> Verdict:
     """Return the verdict on one trial; a job for any worker."""
     check_unchanged(trial)
-    return next(predict_trials(_opened(file, digest), [trial]))
+    return next(predict_trials(open_unchanged(file, digest), [trial]))
 
 
 @lru_cache(maxsize=1)
-def _opened(file: Path, digest: str) -> TrialBundle:
+def open_unchanged(file: Path, digest: str) -> TrialBundle:
+    """Return a bundle, once for each process.
+
+    Args:
+        file: Where it lies.
+        digest: The file's SHA-256 when the command began, hexadecimal.
+
+    Raises:
+        BadBundle: It is another file by now, or cannot be read.
+    """
     if digest_of(file) != digest:
         raise BadBundle(f"the bundle {file} as it was when the command began", "another",
                         "run it again once the file no longer changes")  # fmt: skip

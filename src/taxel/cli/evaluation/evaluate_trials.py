@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
+from taxel.cli.evaluation.trial_alarm import AlarmStudy
 from taxel.cli.long_work import LongWork
 from taxel.cli.options.rules import Only
 from taxel.cli.options.trials import FOLDS_IN_TURN, TrialOptions
@@ -40,6 +41,10 @@ class EvaluateTrials:
     data: tyro.conf.Positional[Path | None] = None
     """With a bundle: the trials that it is scored on; with --folds TABLE only those that the table
     tests, which has one test part."""
+    alarm: str | None = None
+    """With a bundle: also report, for this class and several least confidences, in how many trials
+    a station would raise an alarm while they run, and when. Takes about as long as replaying
+    them does."""
     json: bool = False
     """Print JSON."""
     options: Annotated[TrialOptions, tyro.conf.arg(name="")] = field(default_factory=TrialOptions)
@@ -60,6 +65,11 @@ class EvaluateTrials:
             ),
             "trials without a bundle (it is scored as it is)",
             lambda verb: verb.data is None,
+        ),
+        Only(
+            ("alarm",),
+            "a bundle and trials to score it on",
+            lambda verb: verb.data is not None,
         ),
         FOLDS_IN_TURN,
     )
@@ -120,9 +130,18 @@ class EvaluateTrials:
         digest = digest_of(self.trials)
         bundle = read_trial_bundle(self.trials)
         trials, table = _scored_trials(self.data, self.options.folds)
+        study = None
+        if self.alarm is not None:
+            group = _resampled([trial.groups for trial in trials], table)
+            study = AlarmStudy(
+                label=self.alarm, contract=bundle.contract, trials=trials, group=group
+            )
         with self.options.work.open(), progress() as bar:
-            at = partial(LongWork(bar).at, "trials")
+            work = LongWork(bar)
+            at = partial(work.at, "trials")
             verdicts = predict_side_by_side(bundle, (self.trials, digest), trials, at)
+            at = partial(work.at, "trials watched as live")
+            alarms = None if study is None else study.watched((self.trials, digest), at)
         warning = trained_on_line(
             trained_on(bundle.contract, trials), "trials", known=bool(bundle.contract.learned)
         )
@@ -133,10 +152,13 @@ class EvaluateTrials:
         left_out = not_scored_line(target, truth, classes)
         line, scores = _scores(bundle.contract, trials, verdicts, table)
         if self.json:
-            beside = {"warning": warning, "not_scored": left_out, "note": note}
+            beside: dict[str, Any] = {"warning": warning, "not_scored": left_out, "note": note}
+            beside["alarms"] = None if alarms is None else alarms.record()
             print_json({"bundle": str(self.trials), **scores, **beside})
             return
         say(line)
+        if alarms is not None:
+            console.print(alarms.table())
         if note is not None:
             say(f"note: {note}")
         if left_out:
