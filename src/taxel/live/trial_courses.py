@@ -1,7 +1,7 @@
 """What a recogniser answers while camera trials that are at hand run, as the live path gives it.
 
-Its crops are those that live looks at, its maths that of live; a camera's health is not looked after.
-Knows nothing about screens or training frameworks.
+Its crops are those that live looks at, and its maths is live's; a camera's health is not looked
+after. Knows nothing about screens or training frameworks.
 
 Background of our choices: docs/decisions/0041.
 """

@@ -112,12 +112,19 @@ def test_a_score_on_the_training_trials_says_so_beside_the_commonest_class(
             assert "commonest class 0.500" in printed
             assert "warning: the bundle was trained on 8 of these trials" in printed
             unknown = int(printed.split("UNKNOWN ")[1].split()[0])
+            assert "with an alarm" not in printed
             answered = float(printed.split("counted as wrong ")[1].split()[0])
             assert answered <= 1 - unknown / 8 + 1e-3
             words = {"as_json": False, "rules": RuleTable(()), "device": "cpu"}
             live_trials(own, str(data), None, 0.5, **words)
             printed = " ".join(capsys.readouterr().out.split())
             assert "warning: the bundle was trained on 8 of these trials" in printed
+
+    label = read_trial_contract(bundle).classes[0]
+    EvaluateTrials(trials=bundle, data=table, alarm=label, json=True).run()
+    alarms = json.loads(capsys.readouterr().out)["alarms"]
+    assert (alarms["label"], alarms["levels"][0]["right"]["of"]) == (label, 4)
+    assert alarms["levels"][0]["right"]["alarmed"] >= alarms["levels"][-1]["right"]["alarmed"]
 
     address = f"replay://{tmp_path / 'imported'}?speed=max"
     live_trials(bundle, address, None, 0.5, as_json=True, rules=RuleTable(()), device="cpu")
