@@ -19,7 +19,8 @@ _SILENT_S = 2.5
 """Silence of any process that is noted, seconds: a simulator may take one second for a grasp. Our
 choice; of a monitor it is reported much earlier (`GuardConfig`)."""
 _HUNG_S = 5.0
-"""Silence after which a monitor's process is ended and started again, seconds. Our choice."""
+"""Silence after which a process of monitors or recognisers is ended and started again, seconds,
+beside the patience that it asked for. Our choice."""
 
 
 class ProcessWatch:
@@ -76,7 +77,7 @@ class ProcessWatch:
                     self._guard.expect(who, now_s)
 
     def _look_for_silence(self, now_s: float) -> None:
-        """Report which processes are alive and silent; end a monitor that stays so."""
+        """Report which processes are alive and silent; end one that decides and stays so."""
         silent = {worker.name: worker for worker in self._processes.silent(now_s, _SILENT_S)}
         for name in silent.keys() - self._mute:
             text = f"{name} has not answered for {_SILENT_S:g} s"
@@ -86,5 +87,5 @@ class ProcessWatch:
             self._guard.over(name, now_s)
         self._mute = set(silent)
         for worker in self._processes.silent(now_s, _HUNG_S):
-            if self._wiring.watchers_of(worker) and worker.process is not None:
+            if self._wiring.decides(worker) and worker.process is not None:
                 worker.process.kill()
