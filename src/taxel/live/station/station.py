@@ -389,11 +389,12 @@ class Station:
             return
         self._beats.rest()
         self._recorder.closing()
+        over_s = monotonic()  # a last verdict may be waited for, and no grasp lasts meanwhile
         self._processes.close()
         with contextlib.suppress(AttributeError):  # where it never came to a start
-            for note in self._hear(monotonic()):  # a trial's verdict may come at the source's end
+            for note in self._hear(over_s):  # a trial's verdict may come at the source's end
                 self._on_note(note)
-        self.person.new_grasp(monotonic())
+        self.person.new_grasp(over_s)
         self._recorder.close()
         self._final = self._processes.ledger()
         self._stack.close()
