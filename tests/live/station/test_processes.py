@@ -325,10 +325,10 @@ def test_a_recogniser_that_hangs_is_started_again_and_has_the_time_that_it_asked
     """It stayed as it was, with its last answer and its alarm, until the station ended."""
     watched = Watched(rig)
     rig.running(watched.recogniser, 1.0, patience_s=10.0)
-    watched.watch.look(15.9)
+    watched.watch.look(40.9)
     assert cast("Any", watched.recogniser.process).exitcode is None
-    watched.watch.look(16.1)
-    watched.watch.look(16.2)
+    watched.watch.look(41.1)
+    watched.watch.look(41.2)
     assert watched.recogniser.starts == 2
     assert watched.words[-1] == "recogniser ended by signal 9"
 
