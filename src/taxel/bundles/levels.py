@@ -116,10 +116,10 @@ def _mixed(sessions: frozenset[str]) -> tuple[str, ...]:
     """Return a line where touches of several sessions make one level, which is none of theirs."""
     if len(sessions) < 2:
         return ()
-    names = visible_names(sorted(sessions, key=counting_order))
+    names = sorted(sessions, key=counting_order)
     return (
-        f"touches of {len(sessions)} sessions ({names}) give one level together: name the "
-        "recordings of one session",
+        f"touches of {len(names)} sessions ({visible_names(names)}) give one level together: "
+        "name the recordings of one session",
     )
 
 
