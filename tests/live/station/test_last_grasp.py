@@ -1,4 +1,4 @@
-"""The end of the last grasp of a station that waits for a last verdict."""
+"""What is logged where a station waits for a last verdict: when the grasp ended, what is lost."""
 
 import pytest
 
@@ -14,8 +14,16 @@ def test_the_last_grasp_ends_with_its_source_not_with_the_verdict_that_is_waited
     clock = ManualClock(1.0)
     monkeypatch.setattr("taxel.live.station.station.monotonic", clock.now_s)
     station = Station(StationConfig(sources=(), bundles=()))
-    monkeypatch.setattr(station._processes, "close", lambda: clock.advance(9.0))
+
+    def wait() -> list[str]:
+        clock.advance(9.0)
+        return ["recogniser 1"]
+
+    monkeypatch.setattr(station._processes, "close", wait)
     station.person.say("held", 1.5)
     clock.advance(1.0)
     station.close()
     assert [trial.ended_s for trial in station.person.trials] == [2.0]
+    assert [text for _, _, text in station.events] == [
+        "recogniser 1 did not end in time: what it had not sent yet is lost"
+    ]

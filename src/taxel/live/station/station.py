@@ -93,8 +93,7 @@ class Station:
         """Requests of the page that were refused."""
         self._status_s = 0.0
         self._logged: tuple[str, str | None] = (NO_GRASP, None)
-        self._since_s = 0.0
-        self._disarms = 0
+        self._since_s, self._disarms = 0.0, 0
         self._stopped = False
         self._final: dict[str, dict[str, int]] | None = None
 
@@ -390,7 +389,8 @@ class Station:
         self._beats.rest()
         self._recorder.closing()
         over_s = monotonic()  # a last verdict may be waited for, and no grasp lasts meanwhile
-        self._processes.close()
+        for name in self._processes.close():
+            self.say(f"{name} did not end in time: what it had not sent yet is lost")
         with contextlib.suppress(AttributeError):  # where it never came to a start
             for note in self._hear(over_s):  # a trial's verdict may come at the source's end
                 self._on_note(note)
