@@ -164,6 +164,18 @@ def test_a_silent_channel_keeps_its_level_and_a_large_change_is_warned_of(tmp_pa
     assert "d changed by a factor of 4.00" in found.warnings[2]
 
 
+def test_touches_of_several_sessions_are_one_level_and_warned_of(tmp_path: Path) -> None:
+    """Their mean is the level of none of them; nothing was said."""
+    for number in (2, 10):
+        record(tmp_path / f"{number}.mcap", ["ball"], OLD * number, session=f"day {number}")
+    assert not any("session" in line for line in measure_level(
+        tmp_path / "2.mcap", contract()).warnings)  # fmt: skip
+    assert measure_level(tmp_path, contract()).warnings[-1] == (
+        "touches of 2 sessions (day 2, day 10) give one level together: name the recordings of "
+        "one session"
+    )
+
+
 def test_another_sensor_is_refused(tmp_path: Path) -> None:
     path = record(tmp_path / "t.mcap", ["ball"], OLD)
     other = replace(contract(), channels=tuple("abcde"), units=("V",) * 5)

@@ -248,6 +248,25 @@ def test_cameras_of_odd_sizes_and_like_names_have_a_video_each(tmp_path, codec, 
         assert abs(int(images[5].mean()) - level) <= 2
 
 
+def test_a_frame_of_another_size_is_in_no_video(tmp_path):
+    """It was copied into a file that declares one size: players drew it askew or gave up."""
+    pytest.importorskip("av", reason="av is not installed (taxel[export])")
+    from taxel.exchange.video_files import write_videos
+
+    camera = CameraInfo(name="left", width=32, height=24, rate_hz=25.0)
+    small, large = (encode_jpeg(np.zeros(size, np.uint8)) for size in ((24, 32, 3), (48, 64, 3)))
+    for name, second in (("cut", small[:-9]), ("mixed", large)):
+        path = tmp_path / f"{name}.mcap"
+        with Recorder(path, Manifest(sensor=NO_ARRAY, cameras=(camera,))) as recorder:
+            for number, jpeg in enumerate((small, second)):
+                recorder.frame(Frame(camera=0, jpeg=jpeg, counter=number, device_s=0.0,
+                                     arrival_s=number / 25, fitted_s=number / 25))  # fmt: skip
+    assert write_videos([tmp_path / "cut.mcap"], tmp_path / "cut") == {"cut.left.mkv": 2}
+    with pytest.raises(BadDataset, match=r"frames of 32×24 from left; got one of 64×48 in .*mixed"):
+        write_videos([path], tmp_path / "v")
+    assert not (tmp_path / "v").exists()
+
+
 def test_a_camera_that_is_called_like_anothers_video_keeps_its_own(tmp_path):
     """Two cameras wrote one file: the images of the first were lost."""
     pytest.importorskip("av", reason="av is not installed (taxel[export])")

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from taxel.bundles.contract import Contract
 from taxel.errors import BadBundle, BadDataset
 from taxel.labels.trials import order_in_time
+from taxel.name_order import counting_order
+from taxel.plain_text import visible_names
 from taxel.windows.dataset import Dataset, load_dataset
 from taxel.windows.reference import NOTHING, parse_reference, touch_level
 
@@ -93,20 +95,31 @@ def measure_level(path: Path | str, contract: Contract, *, count: int | None = N
     silent = ~(values[mask] != 0).any(axis=0) | (measured < NOTHING * old)
     level = np.where(silent, old, measured).astype(np.float32)
     change = (level / old).astype(np.float32)
+    sessions = frozenset(
+        dataset.trials[i].groups["session"] for i in chosen if "session" in dataset.trials[i].groups
+    )
     return TouchLevel(
         level=level,
         change=change,
         silent=silent,
         touches=len(chosen),
         windows=int(used.sum()),
-        sessions=frozenset(
-            dataset.trials[i].groups["session"]
-            for i in chosen
-            if "session" in dataset.trials[i].groups
-        ),
+        sessions=sessions,
         digest=dataset.digest,
         warnings=_warnings(contract.channels, change, silent)
-        + _saturated(path, dataset, np.array(chosen), contract.channels),
+        + _saturated(path, dataset, np.array(chosen), contract.channels)
+        + _mixed(sessions),
+    )
+
+
+def _mixed(sessions: frozenset[str]) -> tuple[str, ...]:
+    """Return a line where touches of several sessions make one level, which is none of theirs."""
+    if len(sessions) < 2:
+        return ()
+    names = sorted(sessions, key=counting_order)
+    return (
+        f"touches of {len(names)} sessions ({visible_names(names)}) give one level together: "
+        "name the recordings of one session",
     )
 
 

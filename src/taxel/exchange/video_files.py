@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Literal
 
 import av
 
-from taxel.errors import BadDataset
+from taxel.errors import BadDataset, BadSource
 from taxel.exchange.output import new_tree
 from taxel.frame_codec import decode_jpeg
+from taxel.jpeg_head import read_head
+from taxel.plain_text import visible
 from taxel.recordings.reader import iterate_jpeg, read_manifest
 from taxel.signals import CameraInfo, Frame
 
@@ -56,7 +58,8 @@ def write_videos(
         File → frames.
 
     Raises:
-        BadDataset: A recording has no cameras of JPEG.
+        BadDataset: A recording has no cameras of JPEG, or a frame that is not of its camera's size.
+        BadSource: A frame that is to be coded again cannot be decoded.
         BadRecording: One is damaged or cut short.
         RecordingFailed: The disk refused.
     """
@@ -79,7 +82,7 @@ def _write(path: Path, cameras: Sequence[CameraInfo], folder: Path, codec: Codec
     counts = dict.fromkeys(names, 0)
     with ExitStack() as stack:
         videos = [
-            stack.enter_context(_Video(folder / name, camera, codec))
+            stack.enter_context(_Video(folder / name, path, camera, codec))
             for name, camera in zip(names, cameras, strict=True)
         ]
         for frame in iterate_jpeg(path):
@@ -91,8 +94,8 @@ def _write(path: Path, cameras: Sequence[CameraInfo], folder: Path, codec: Codec
 class _Video:
     """A video file that is being written."""
 
-    def __init__(self, path: Path, camera: CameraInfo, codec: Codec) -> None:
-        self._camera, self._codec = camera, codec
+    def __init__(self, path: Path, recording: Path, camera: CameraInfo, codec: Codec) -> None:
+        self._recording, self._camera, self._codec = recording, camera, codec
         # FFmpeg takes what stands before a colon in a relative path, as in 10:30, for a protocol.
         self._file: Any = av.open(os.path.abspath(path), "w")
         rate = Fraction(camera.rate_hz or 25).limit_denominator(1000)
@@ -116,6 +119,7 @@ class _Video:
         tick = max(round((frame.fitted_s - self._first_s) / self._base), self._last + 1)
         self._last = tick
         if self._codec == "mjpeg":
+            self._check_size(frame)
             packet = av.Packet(frame.jpeg)
             packet.stream = self._stream
             packet.pts = packet.dts = tick
@@ -127,6 +131,24 @@ class _Video:
         image.pts, image.time_base = tick, self._base
         for packet in self._stream.encode(image):
             self._file.mux(packet)
+
+    def _check_size(self, frame: Frame) -> None:
+        """Refuse a frame of another size, as players draw all as the file declares them; one that
+        is damaged is kept as it came.
+
+        Raises:
+            BadDataset: It is of another size.
+        """
+        size = self._camera.width, self._camera.height
+        found = size
+        with suppress(BadSource):
+            head = read_head(frame.jpeg)
+            found = head.width, head.height
+        if found != size:
+            raise BadDataset(
+                f"frames of {size[0]}×{size[1]} from {visible(self._camera.name)}",
+                f"one of {found[0]}×{found[1]} in {self._recording}", "leave that recording out",
+            )  # fmt: skip
 
     def __enter__(self) -> _Video:
         return self

@@ -58,7 +58,8 @@ class TrialWatch:
         bundle: What is recognised.
         cameras: The source's.
         least_confidence: Below this probability the verdict is UNKNOWN, 0…1.
-        before_look: Called before each look at a crop, which may take a second.
+        before_look: Called before each look at a crop, which may take a second, and before a
+            moment's images are compared, which a trial's end may do for all of them.
 
     Raises:
         BadBundle: The bundle was not made for such cameras.
@@ -185,6 +186,7 @@ class TrialWatch:
         """Hear how much a moment's images differ from those before, where crops depend on it."""
         if self._bad or not self.bundle.contract.layout.moving:
             return
+        self._before_look()
         try:
             self._changes.push(self._images([found])[0])
         except BadSource as error:

@@ -102,7 +102,7 @@ def test_a_process_that_does_not_end_is_killed_and_its_counts_stay(rig: Rig):
     for worker in (ends, hangs):
         rig.running(worker, 1.0)
     cast("Any", hangs.process).ends_when_asked = False
-    rig.processes.close()
+    assert rig.processes.close() == ["monitor"]  # whose last words are lost
 
     assert [cast("Any", w.process).exitcode for w in (ends, hangs)] == [0, -9]
     assert rig.beats.read(hangs.row).work is Work.FAILED
@@ -274,15 +274,17 @@ def test_an_error_that_a_process_reports_is_raised_as_it_is(rig: Rig):
 
 
 class Watched:
-    """A crew with one monitor that watches a grasp, and one process that does not."""
+    """A crew with one monitor that watches a grasp, a recogniser, and one that does not decide."""
 
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
         self.guard = Guard(Interlock(InterlockConfig(min_n=15.0, max_n=50.0)))
         self.monitor, self.recorder = rig.add("monitor"), rig.add("recorder")
+        self.recogniser = rig.add("recogniser")
         self.words: list[str] = []
         wiring = SimpleNamespace(
-            watchers_of=lambda worker: ["monitor/0"] if worker is self.monitor else []
+            watchers_of=lambda worker: ["monitor/0"] if worker is self.monitor else [],
+            decides=lambda worker: worker in (self.monitor, self.recogniser),
         )
         self.watch = ProcessWatch(
             rig.processes, cast("Wiring", wiring), rig.beats, self.guard,
@@ -317,6 +319,18 @@ def test_a_monitor_that_hangs_for_five_seconds_is_killed_and_a_recorder_never(ri
     watched.watch.look(6.1)
     assert cast("Any", watched.monitor.process).exitcode == -9
     assert cast("Any", watched.recorder.process).exitcode is None
+
+
+def test_a_recogniser_that_hangs_is_started_again_and_has_the_time_that_it_asked_for(rig: Rig):
+    """It stayed as it was, with its last answer and its alarm, until the station ended."""
+    watched = Watched(rig)
+    rig.running(watched.recogniser, 1.0, patience_s=10.0)
+    watched.watch.look(40.9)
+    assert cast("Any", watched.recogniser.process).exitcode is None
+    watched.watch.look(41.1)
+    watched.watch.look(41.2)
+    assert watched.recogniser.starts == 2
+    assert watched.words[-1] == "recogniser ended by signal 9"
 
 
 def test_a_dead_monitor_is_a_stop_until_another_runs(rig: Rig):

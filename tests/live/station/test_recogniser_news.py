@@ -7,8 +7,12 @@ from typing import Any, cast
 
 import pytest
 
+from taxel.actions.alarm import Level
+from taxel.actions.rule_table import Rule, RuleTable
+from taxel.clock import ManualClock
 from taxel.errors import BadSource
 from taxel.live.station import array_watcher
+from taxel.live.station.answers import Answers
 from taxel.live.station.packets import unpack
 from taxel.live.station.station import Station
 from taxel.live.station.wiring import Wiring, _check_pace
@@ -153,3 +157,25 @@ def test_a_station_keeps_what_a_recogniser_waits_for_and_where_its_level_stands(
     note = {"kind": kind, "who": "monitor/0", "text": ""}
     station._take_in(note, 1.0)
     assert kept == [note]
+
+
+def test_a_contact_after_a_restart_begins_anew_so_that_its_alarm_sounds(
+    recogniser: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both were contact 1 of their process: an acknowledged alarm silenced the second, too."""
+    clock = ManualClock(5.0)
+    monkeypatch.setattr(array_watcher, "monotonic", clock.now_s)
+    decision = SimpleNamespace(label="ball", confidence=0.9, reason="", end_s=1.0)
+    recogniser.flush = lambda: [SimpleNamespace(decision=decision)]
+    recogniser.new_vote = lambda: SimpleNamespace(contacts=1, add=lambda _: ("ball", 0.9))
+    rule = Rule(label="ball", least=0.5, action="let go", alarm=Level.DANGER)
+    own = {"who": "monitor/0", "target": "shape", "bundle": "b.taxel"}
+    answers, begins = Answers([own], RuleTable((rule,))), []
+    for _ in range(2):
+        clock.advance(1.0)
+        watcher = watch({})
+        watcher._outages = SimpleNamespace(look=lambda _: None)
+        watcher.end()
+        watcher.end()
+        begins += [answers.add(note)[0]["begins"] for note in watcher._writer.notes]
+    assert begins == [True, False, True, False]

@@ -49,12 +49,16 @@ def trials_line(trials: list[dict[str, Any]]) -> str:
 
 def station_summary(station: Station) -> dict[str, Any]:
     """Return what --json prints of a station: states, alarms, trials, losses and latencies."""
+    from taxel.cli.live.trained_trials import warn_of_training
+
     alarms = station.guard.alarms
+    answers = station.answers.summary()
+    warn_of_training(station, answers)
     return {
         "state": station.guard.shown[0],
         "events": [{"time_s": time_s, "text": text} for _, time_s, text in station.events],
         "given_up": station.failed,
-        "answers": station.answers.summary(),
+        "answers": answers,
         "alarms": alarms.as_json(),
         "trials": [asdict(trial) for trial in station.person.trials],
         "latency_ms": {
@@ -75,6 +79,8 @@ def print_station_summary(summary: dict[str, Any]) -> None:
         say(line)
         if result.get("level"):
             say(f"  {result['level']}")
+        if result.get("warning"):
+            say(f"warning: {result['warning']}", style="yellow")
     counts = summary["alarms"]["counts"]
     if summary["state"] != NO_GRASP or counts["raised"]:
         say(f"alarms: {counts['raised']} raised, {counts['acknowledged']} acknowledged")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
+from taxel.cli.live.trained_trials import is_table, trained_on_warning
 from taxel.cli.printing import console, print_json, say
 from taxel.cli.recordings.recording import SUMMARY_FOLLOWS, stop_signals
 from taxel.decisions.recognition import UNKNOWN
@@ -62,7 +63,7 @@ def live_trials(
                 break
     assert total is not None
     summary = total.summary()
-    summary["warning"] = _trained_on_warning(opened, source) if summary["marked"] else None
+    summary["warning"] = trained_on_warning(opened.contract, source) if summary["marked"] else None
     if as_json:
         print_json(summary)
         return
@@ -94,9 +95,9 @@ def _check_cameras(contract: TrialContract, source: str) -> None:
     from taxel.windows.camera_trials import refuse_footage
 
     given = Path(source.removeprefix("replay://"))
-    if given.exists() and not _is_table(given):
+    if given.exists() and not is_table(given):
         refuse_footage(given)
-    for file in () if _is_table(Path(source)) else replayed_files(source):
+    for file in () if is_table(Path(source)) else replayed_files(source):
         manifest = read_manifest(file)
         found = len(manifest.tactile)
         if found != contract.cameras:
@@ -106,29 +107,6 @@ def _check_cameras(contract: TrialContract, source: str) -> None:
                 f"{file}, which holds {found}{array if manifest.sensor.channels else ''}",
                 "name recordings of such trials, or train a bundle on trials like these",
             )
-
-
-def _trained_on_warning(bundle: TrialBundle, source: str) -> str | None:
-    """Return a warning where verdicts are on trials that the bundle was trained on."""
-    from taxel.evaluation.camera_trials.learned_trials import trained_on
-    from taxel.sources.opening import replayed_files
-    from taxel.views.tables.trained_on import trained_on_line
-    from taxel.windows.camera_trials import read_camera_trials
-
-    table = _is_table(Path(source))
-    files = [Path(source)] if table else replayed_files(source)
-    if not files:
-        return None
-    trials = [trial for file in files for trial in read_camera_trials(file)]
-    return trained_on_line(
-        trained_on(bundle.contract, trials), "trials", known=bool(bundle.contract.learned)
-    )
-
-
-def _is_table(path: Path) -> bool:
-    from taxel.windows.camera_trials import TABLES
-
-    return path.suffix.lower() in TABLES and path.is_file()
 
 
 def _shown(bundle: TrialBundle, rules: RuleTable) -> Callable[[TrialAnswer, bool], None]:
@@ -172,7 +150,7 @@ def _trials(source: str, contract: TrialContract) -> list[tuple[str, Callable[[]
     from taxel.windows.camera_trials import read_camera_trials
 
     path = Path(source)
-    if _is_table(path):
+    if is_table(path):
         trials = read_camera_trials(path)
         check_trials(contract, trials)
         return [(trial.name, partial(TrialReplay, trial)) for trial in trials]

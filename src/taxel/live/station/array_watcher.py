@@ -45,6 +45,7 @@ class ArrayWatcher:
         self._touches = self._recogniser.touches
         contract = bundle.contract
         self._vote = self._recogniser.new_vote()
+        self._began_s = monotonic()  # who follows a dead process counts contacts anew
         self._outages = OutageWatch(contract.window.max_gap_s)
         self._waiting, self._waited_s = "", -math.inf
         self._target, self._padded = contract.target, contract.window.pad
@@ -110,7 +111,7 @@ class ArrayWatcher:
             "kind": "answer", "who": self._who, "target": self._target, "label": decision.label,
             "confidence": number_or_none(decision.confidence), "reason": decision.reason,
             "grasp": voted, "grasp_confidence": number_or_none(confidence),
-            "touch": self._vote.contacts,
+            "touch": [self._began_s, self._vote.contacts],
             "time_s": decision.end_s, **times, "decided_s": monotonic(),
         }  # fmt: skip
         self._writer.put(pack(note))

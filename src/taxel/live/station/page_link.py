@@ -49,7 +49,7 @@ _SILENT_S = 1.0
 """A source that has not reported for so long is not shown as live: it reports several times a
 second. Our choice."""
 _EVERY = max(1, round(1 / _ROW_S / _POINTS_HZ))
-"""Rows of which a trace shows one."""
+"""Rows of which a trace shows one, of an array that is faster than its points."""
 _DEPTH_S = 0.2
 """How often a depth image is drawn in colours: that takes some milliseconds. Our choice."""
 
@@ -92,6 +92,8 @@ class _Array:
     gap_s: float
     """Rows further apart are not joined, seconds."""
     newtons: LiveNewtons | None = None
+    every: int = _EVERY
+    """Rows of which a trace shows one."""
     rows: deque[tuple[float, list[float]]] = field(
         default_factory=lambda: deque(maxlen=round(_KEPT_S / _ROW_S))
     )
@@ -100,7 +102,7 @@ class _Array:
         """Break the trace, once: what came since its last row was not read, or nothing came."""
         if self.rows and not all(map(math.isnan, self.rows[-1][1])):
             time_s, values = self.rows[-1]
-            for number in range(1, _EVERY + 1):  # as many as a trace leaves out
+            for number in range(1, self.every + 1):  # as many as a trace leaves out
                 self.rows.append((time_s + number * _TINY_S, [math.nan] * len(values)))
 
     def add(self, samples: Samples) -> None:
@@ -216,7 +218,8 @@ class StationView:
         while len(self._answered) > _ANSWERS:
             self._answered.popitem(last=False)
         chances = [(t, p) for t, p in self._evidence.points if t > after[1]]
-        kept = [row for row in rows if row[0] > after[0]][::_EVERY]
+        every = _EVERY if self._array is None else self._array.every
+        kept = [row for row in rows if row[0] > after[0]][::every]
         columns = zip(*(values for _, values in kept), strict=True) if kept else ()
         return {
             "time_s": newest_s,
@@ -334,10 +337,11 @@ class StationView:
 def _shown_array(seen: PageSeen) -> _Array:
     """Return a source's array, in newtons where it has a calibration."""
     gap_s = trace_gap_s(seen.sensor)
+    every = 1 if 0.0 < seen.sensor.rate_hz <= _POINTS_HZ else _EVERY
     if seen.calibration is None:
-        return _Array(seen.sensor, gap_s)
+        return _Array(seen.sensor, gap_s, every=every)
     newtons = LiveNewtons(read_calibration(seen.calibration), seen.sensor)
-    return _Array(newtons.info, gap_s, newtons)
+    return _Array(newtons.info, gap_s, newtons, every)
 
 
 def trace_gap_s(sensor: SensorInfo) -> float:

@@ -20,6 +20,10 @@ _SILENT_S = 2.5
 choice; of a monitor it is reported much earlier (`GuardConfig`)."""
 _HUNG_S = 5.0
 """Silence after which a monitor's process is ended and started again, seconds. Our choice."""
+_RECOGNISER_HUNG_S = 30.0
+"""The same of a process of recognisers alone, beside the patience that it asked for. Our choice:
+nothing urgent waits for them, and where other programs take most of the processor a look may take
+ten times as long as usual."""
 
 
 class ProcessWatch:
@@ -76,7 +80,7 @@ class ProcessWatch:
                     self._guard.expect(who, now_s)
 
     def _look_for_silence(self, now_s: float) -> None:
-        """Report which processes are alive and silent; end a monitor that stays so."""
+        """Report which processes are alive and silent; end one that decides and stays so."""
         silent = {worker.name: worker for worker in self._processes.silent(now_s, _SILENT_S)}
         for name in silent.keys() - self._mute:
             text = f"{name} has not answered for {_SILENT_S:g} s"
@@ -85,6 +89,8 @@ class ProcessWatch:
         for name in self._mute - silent.keys():
             self._guard.over(name, now_s)
         self._mute = set(silent)
-        for worker in self._processes.silent(now_s, _HUNG_S):
-            if self._wiring.watchers_of(worker) and worker.process is not None:
+        hung = [w for w in self._processes.silent(now_s, _HUNG_S) if self._wiring.watchers_of(w)]
+        late = self._processes.silent(now_s, _RECOGNISER_HUNG_S)
+        for worker in (*hung, *(worker for worker in late if self._wiring.decides(worker))):
+            if worker.process is not None:
                 worker.process.kill()

@@ -156,8 +156,9 @@ class ProcessGroup:
         self._begin(worker)
         return True
 
-    def close(self) -> None:
-        """Ask all to end, wait, kill those that do not."""
+    def close(self) -> list[str]:
+        """Ask all to end, wait, kill those that do not; return the names of these."""
+        killed = []
         for worker in self.workers:  # nobody waits for one that is dead
             if worker.process is not None and worker.process.exitcode not in (None, 0):
                 self._beats.fail(worker.row)
@@ -173,9 +174,11 @@ class ProcessGroup:
                 process.kill()
                 process.join()
                 self._beats.fail(worker.row)
+                killed.append(worker.name)
         for worker in self.workers:
             if worker.report is not None:
                 worker.report.close()
+        return killed
 
     def _completes(self, worker: Worker) -> bool:
         """True while one goes on with its last work: it ends itself and says so, or has asked for

@@ -93,8 +93,7 @@ class Station:
         """Requests of the page that were refused."""
         self._status_s = 0.0
         self._logged: tuple[str, str | None] = (NO_GRASP, None)
-        self._since_s = 0.0
-        self._disarms = 0
+        self._since_s, self._disarms = 0.0, 0
         self._stopped = False
         self._final: dict[str, dict[str, int]] | None = None
 
@@ -389,11 +388,13 @@ class Station:
             return
         self._beats.rest()
         self._recorder.closing()
-        self._processes.close()
+        over_s = monotonic()  # a last verdict may be waited for, and no grasp lasts meanwhile
+        for name in self._processes.close():
+            self.say(f"{name} did not end in time: what it had not sent yet is lost")
         with contextlib.suppress(AttributeError):  # where it never came to a start
-            for note in self._hear(monotonic()):  # a trial's verdict may come at the source's end
+            for note in self._hear(over_s):  # a trial's verdict may come at the source's end
                 self._on_note(note)
-        self.person.new_grasp(monotonic())
+        self.person.new_grasp(over_s)
         self._recorder.close()
         self._final = self._processes.ledger()
         self._stack.close()

@@ -241,6 +241,10 @@ class Wiring:
         ends += [(feed.worker, feed.to) for feed in self.feeds]
         return next((to for worker, to in ends if worker.name == name), None)
 
+    def decides(self, worker: Worker) -> bool:
+        """Return whether a process runs bundles: it holds no file that it would leave half."""
+        return any(monitor.worker is worker for monitor in self.monitors)
+
     def watchers_of(self, worker: Worker) -> list[str]:
         """Return the names of the grasp monitors in a process."""
         return [
