@@ -9,8 +9,10 @@ from make_dataset import make_dataset
 
 from taxel.errors import BadInput, BadSplit, BadTable
 from taxel.evaluation.fold_table import FoldTable, read_fold_table
-from taxel.evaluation.splits import Split
+from taxel.evaluation.shared_values import named_by_unseen
+from taxel.evaluation.splits import Split, TrialFold
 from taxel.evaluation.table_split import split_by_table, trials_to_score
+from taxel.labels.trials import coarsest_group
 from taxel.windows.dataset import Dataset, only_labelled
 
 RECORDINGS = {f"s{n}" for n in range(6)} | {"too-short"}
@@ -261,3 +263,33 @@ def test_what_people_write_instead_is_answered_with_what_to_write(
     with pytest.raises(BadTable, match=message) as caught:
         split(tmp_path, *lines)
     assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize(("tested", "drawn"), [("cup0 cup3", "object"), ("cup3", "object"),
+                                               ("", "recording")])  # fmt: skip
+def test_objects_that_are_tested_unseen_are_drawn_as_a_whole(tested: str, drawn: str) -> None:
+    """Nobody named them, as where they lie in a folder of their own: with 6 of 36 trials each, an
+    interval over recordings would be too narrow. Objects on both sides are not held out."""
+    trials = [
+        replace(trial, recording=f"{n}.mcap",
+                groups={"recording": str(n), "trial": f"{n}#0", "object": f"cup{n % 6}"})
+        for n, trial in enumerate(make_dataset().trials)
+    ]  # fmt: skip
+    test = {n for n in range(36) if f"cup{n % 6}" in tested.split()} or {0, 1}
+    fold = TrialFold("test", frozenset(range(36)) - test, frozenset(test))
+    split = named_by_unseen(Split("trained elsewhere", (fold,), None), trials)
+
+    assert coarsest_group(trials, split.name) == drawn
+    assert split.name.endswith(", object held out") is (drawn == "object")
+
+
+def test_a_table_of_recordings_names_the_sessions_that_it_holds_out(tmp_path: Path) -> None:
+    """The coarsest of what is unseen, once; a table of sessions names them already."""
+    trials = make_dataset().trials
+    rows = [f"s{n},{'test' if n > 3 else 'train'}" for n in range(6)]
+    names = [
+        named_by_unseen(split(tmp_path, head, *rows), trials).name
+        for head in ("recording,side", "group:session,side")
+    ]
+
+    assert names == ["folds.csv, session held out"] * 2

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
+from taxel.evaluation.shared_values import named_by_unseen
 from taxel.evaluation.splits import Fold, Split, TrialFold, check_classes, parse_split
 from taxel.evaluation.table_split import OWN_SPLIT, GivenSplit, split_elsewhere
 from taxel.evaluation.usual_split import usual_split
@@ -116,4 +117,5 @@ def _other_folder(base: Base, folder: Path) -> Split:
     own = frozenset(base.own)
     fold = TrialFold("test", own, frozenset(range(len(base.trials))) - own)
     check_classes(base.dataset, base.target, fold)
-    return Split(f"trained elsewhere, tested on {folder.name}", (fold,), None)
+    split = Split(f"trained elsewhere, tested on {folder.name or folder}", (fold,), None)
+    return named_by_unseen(split, base.trials)

@@ -6,12 +6,13 @@ Knows nothing about how a split was made, nor about windows or models.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.evaluation.splits import Split, TrialFold
-from taxel.labels.trials import OBJECTS, Trial, held_out
+from taxel.labels.trials import OBJECTS, USUAL_GROUPS, Trial, held_out
 from taxel.plain_text import number_of, several
 
 
@@ -72,3 +73,39 @@ def objects_on_both(trials: Sequence[Trial], y: NDArray[np.intp], split: Split) 
         if all(key in trial.groups for trial in trials)
     ]
     return [line for line in lines if line]
+
+
+def named_by_unseen(split: Split, trials: Sequence[Trial]) -> Split:
+    """Return a split of recordings whose name says which objects, persons … it tests unseen.
+
+    Nobody named them, as where the test recordings lie in a folder of their own; but trials of one
+    object are alike, so that intervals must draw it as a whole. Of several such groups the
+    coarsest, of those of which several values are tested.
+
+    Args:
+        split: Such as that of another folder, or of a table.
+        trials: All of them.
+    """
+    if held_out(split.name, trials) is not None:
+        return split
+    counts = {
+        key: _unseen([trial.groups[key] for trial in trials], split.trial_folds)
+        for key in USUAL_GROUPS
+        if all(key in trial.groups for trial in trials)
+    }
+    keys = [key for key, count in counts.items() if count]
+    if not keys:
+        return split
+    coarsest = min(keys, key=lambda key: (counts[key] < 2, counts[key]))
+    return replace(split, name=f"{split.name}, {coarsest} held out")
+
+
+def _unseen(values: Sequence[str], folds: Sequence[TrialFold]) -> int:
+    """Return how many values of a group are tested; 0 where a fold has one on both sides."""
+    tested: set[str] = set()
+    for fold in folds:
+        own = {values[i] for i in fold.test}
+        if own & {values[i] for i in fold.train | fold.validation}:
+            return 0
+        tested |= own
+    return len(tested)

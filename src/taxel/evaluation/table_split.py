@@ -15,7 +15,7 @@ import numpy as np
 
 from taxel.errors import BadSplit, BadTable
 from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_table, refuse_twice
-from taxel.evaluation.shared_values import objects_on_both
+from taxel.evaluation.shared_values import named_by_unseen, objects_on_both
 from taxel.evaluation.splits import Split, TrialFold, check_classes
 from taxel.labels.trials import Trial, span_at
 from taxel.plain_text import figures, number_of
@@ -78,7 +78,8 @@ def split_elsewhere(
     split = split_by_table(table, dataset, target, known)
     labels = [trial.labels[target] for trial in dataset.trials]
     both = objects_on_both(dataset.trials, np.unique(labels, return_inverse=True)[1], split)
-    return replace(dataset, notes=(*dataset.notes, *split.notes, *both)), split
+    notes = (*dataset.notes, *split.notes, *both)
+    return replace(dataset, notes=notes), named_by_unseen(split, dataset.trials)
 
 
 def training_part(path: Path, dataset: Dataset, target: str, given: GivenSplit) -> Dataset:
@@ -193,7 +194,8 @@ def _test_folder(dataset: Dataset, target: str, folder: Path) -> tuple[Dataset, 
     first = len(dataset.trials)
     fold = TrialFold("test", frozenset(range(first)), frozenset(range(first, len(joined.trials))))
     check_classes(joined, target, fold)
-    return joined, Split(f"trained elsewhere, tested on {folder.name or folder}", (fold,), None)
+    split = Split(f"trained elsewhere, tested on {folder.name or folder}", (fold,), None)
+    return joined, named_by_unseen(split, joined.trials)
 
 
 def trials_of_row(

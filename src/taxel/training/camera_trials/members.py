@@ -18,6 +18,7 @@ from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
 
 from taxel.jobs.running import cores_here, width
 from taxel.training.camera_trials.rank_sums import Logistic, Steady
+from taxel.training.kept_warnings import warnings_kept
 from taxel.windows.trial_crops import CHANGES, numbers_of
 
 TREES: Final = 400
@@ -99,7 +100,8 @@ def learned(model: Any, rows: NDArray[np.float32], y: NDArray[np.intp]) -> Any:
     if not isinstance(model, RandomForestClassifier | ExtraTreesClassifier):
         return model.fit(rows, y)
     model.n_jobs = min(width(), cores_here())
-    model.fit(rows, y)
+    with warnings_kept():
+        model.fit(rows, y)
     model.n_jobs = 1
     return model
 

@@ -23,13 +23,14 @@ def working_threads(at_once: int = AT_ONCE) -> Iterator[ThreadPoolExecutor]:
     """Yield threads that share the cores evenly.
 
     They keep still about models that end before they converge: a hundred steps are enough for a
-    regularised one. Set here, for filters belong to all threads.
+    regularised one. Set here, for filters belong to all threads; forests of two threads may empty
+    them (see `kept_warnings`), so that warnings are caught, too.
 
     Args:
         at_once: How many work side by side.
     """
     with (
-        warnings.catch_warnings(),
+        warnings.catch_warnings(record=True),
         shared_cores(at_once),
         ThreadPoolExecutor(at_once) as pool,
     ):
