@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Self
 
@@ -179,7 +180,7 @@ def test_an_empty_hand_is_tried_three_times_and_then_said(
     rig = grasping.open_grasping("sim://teng?seed=3", HAND)
     monkeypatch.setattr(grasping, "open_grasping", lambda *_: replace(rig, place=None))
 
-    with pytest.raises(BadInput, match="nothing, 3 times"):
+    with pytest.raises(BadInput, match=r"nothing, 3 times; .*--stroke-s"):
         collect(plan, tmp_path / "grasps", "--arm", "--no-ask")
     assert list((tmp_path / "grasps").glob("*")) == []
 
@@ -196,6 +197,9 @@ def test_fingers_close_are_drawn_and_open_again(tmp_path: Path, capsys: pytest.C
     assert printed["seconds"] == pytest.approx(0.6, abs=0.05)
     currents = read_recording(tmp_path / "c.mcap")
     assert len(currents.samples) == printed["readings"] > 50
+    manifest, last_s = currents.manifest, currents.samples.fitted_s[-1]
+    written_s = datetime.fromisoformat(manifest.created).timestamp() + 0.001  # milliseconds, cut
+    assert manifest.wall_anchor_ns * 1e-9 + last_s <= written_s, "it was over before"
     assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from time import time_ns
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import tyro
@@ -132,6 +133,7 @@ def use_hand(
     try:
         to = {"move": closed, "grip": 1000, "release": 0}.get(action)
         moved = _act(actuator, clock, fingers, to, contact_ma, longest_s, stop=action == "stop")
+        wall_anchor_ns = time_ns() - round(clock.now_s() * 1e9)
         result = _summary(actuator, moved)
     finally:
         actuator.close()
@@ -139,7 +141,7 @@ def use_hand(
     if record is not None:
         from taxel.actions.collecting import write_currents
 
-        write_currents(record, time_s, values)
+        write_currents(record, time_s, values, wall_anchor_ns)
     if plot is not None:
         from taxel.views.figures.current import save_currents
 
