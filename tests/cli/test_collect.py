@@ -203,6 +203,27 @@ def test_fingers_close_are_drawn_and_open_again(tmp_path: Path, capsys: pytest.C
     assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_movement_that_is_stopped_keeps_its_currents(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """They may show why the board stopped; they are written once the hand is closed."""
+    take, calls = SimHand.take_currents, []
+
+    def stopped(self: SimHand) -> list[tuple[float, tuple[int, ...]]]:
+        calls.append(1)
+        if len(calls) == 30:
+            self.stop()
+        return take(self)
+
+    monkeypatch.setattr(SimHand, "take_currents", stopped)
+    with pytest.raises(BadInput, match="a hand that may move; got a stop"):
+        hand("grip", HAND, "--arm", "--record", tmp_path / "c.mcap", "--plot", tmp_path / "c.png")
+
+    assert len(read_recording(tmp_path / "c.mcap").samples) > 20
+    assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
+    assert "the currents until the stop" in capsys.readouterr().err
+
+
 def test_a_hand_that_rests_says_so(capsys: pytest.CaptureFixture[str]):
     hand("status", HAND)
 
