@@ -1,6 +1,7 @@
 """The simulated hand grasps, labels and records by itself; what it records can be learned from."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from taxel.actions.interlock import Interlock, InterlockConfig, InterlockState
 from taxel.actions.sim_hand import SimHand
 from taxel.clock import ManualClock
 from taxel.decisions.stability import Stability, StabilityDecision
-from taxel.errors import BadInput, RecordingFailed
+from taxel.errors import BadInput, BadSource, RecordingFailed
 from taxel.recordings.reader import read_recording
 from taxel.recordings.trial_plan import PlannedTrial
 from taxel.sim.teng.grasped_hand import GraspedHand, Motors
@@ -57,6 +58,15 @@ def test_a_grasp_is_recorded_with_its_labels_its_touch_and_its_currents(tmp_path
     motors = read_recording(tmp_path / CURRENTS / "trial-001.mcap")
     assert motors.manifest.sensor.units == ("mA",) * 4
     assert 700 <= motors.samples.values.max() == found.largest_ma
+    assert motors.manifest.wall_anchor_ns == recording.manifest.wall_anchor_ns
+
+
+def test_a_grasp_that_goes_on_names_the_options_that_can_end_it(tmp_path: Path):
+    """Here the hand would rest open for as long as a grasp may take."""
+    rig = Rig()
+    rig.plant.present("sphere", "glass", 1)
+    with pytest.raises(BadSource, match=r"less than 60 s; got one that goes on; .*--pause-s"):
+        collect_grasp(rig.source, rig.driver, BALL, tmp_path, replace(QUICK, pause_s=60.0))
 
 
 def test_the_motor_is_off_within_ten_milliseconds_of_each_contact(tmp_path: Path):

@@ -135,7 +135,7 @@ def test_a_gap_between_ticks_stops_and_nothing_is_raised_until_armed_again(
     held = rig.lock.force_n
     rig.now += gap_s - 0.01
     assert rig.step("UNSTABLE").kind is STOP
-    assert rig.lock.reason == f"no tick for {gap_s:.2f} s"
+    assert rig.lock.reason == f"the program stood still for {gap_s:.2f} s"
     assert rig.step(n=300).kind is STOP
     assert rig.lock.force_n == held
     assert rig.lock.arm(rig.now) == ()
@@ -175,8 +175,8 @@ def test_the_stall_is_the_cause_where_it_is_looked_for_before_the_actuator_is_he
     rig.now += 1.0
     assert rig.lock.wake(rig.now) == pytest.approx(1.0)
     rig.lock.device(False, rig.now)
-    assert rig.lock.reason == "no tick for 1.00 s"
-    assert rig.lock.tick(rig.now).reason == "no tick for 1.00 s"
+    assert rig.lock.reason == "the program stood still for 1.00 s"
+    assert rig.lock.tick(rig.now).reason == "the program stood still for 1.00 s"
 
 
 @pytest.mark.parametrize(

@@ -4,12 +4,14 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from taxel.calibration.presses import script_of_marks, script_of_table
+from taxel.calibration.presses import Press, Script, script_of_marks, script_of_table
+from taxel.calibration.responses import measure_responses
 from taxel.calibration.stored import document_of, read_calibration, write_calibration
 from taxel.errors import BadDataset, BadInput, BadTable
-from taxel.signals import Mark, SensorInfo
+from taxel.signals import Mark, Samples, SensorInfo
 
 INFO = SensorInfo(name="pads", channels=("a", "b"), units=("V", "V"), rate_hz=100.0)
 
@@ -63,13 +65,29 @@ def test_known_voltages_are_on_one_pin_or_on_all(tmp_path: Path) -> None:
         ("sensor,force_n,start_s,end_s\na,1,-2,1\n", "from 0 s"),
         ("sensor,force_n,start_s,end_s\na,1,0\n", "cells"),
         ("sensor,force_n,start_s,end_s\na,1,0,1,9\n", "cells"),
-        ("sensor,force_n,start_s,end_s\na,1,0,2\nb,1,1,3\n", "one after another"),
+        (
+            "sensor,force_n,start_s,end_s\na,1,0,2\nb,1,1,3\n",
+            r"in .*line 3 that begins before that in .*line 2",
+        ),
         ("sensor,force_n,start_s,end_s,direction\na,1,0,2,sideways\n", "sideways"),
+        ("sensor,force_n,start_s,end_s,round\na,1,0,2,1e300\n", "round; got '1e300' in .*line 2"),
+        ("sensor,force_n,start_s,end_s,round\na,1,0,2,1.5\n", "a whole number .* got '1.5'"),
     ],
 )
 def test_a_bad_table_is_refused_with_its_place(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(BadTable, match=says):
         script_of_table(table(tmp_path, text), INFO, 0.0)
+
+
+def test_a_press_outside_the_recording_is_named_by_the_table_s_own_times() -> None:
+    """Milliseconds instead of seconds: the scans' clock would not be recognised by its writer."""
+    time_s = 5000.0 + np.arange(1000) * 0.01
+    samples = Samples.from_values(np.zeros((1000, 2)), time_s)
+    press = Press(channel=0, force_n=1.0, start_s=6000.0, end_s=6800.0)
+    with pytest.raises(
+        BadDataset, match=r"from 1000\.000 to 1800\.000 s after the first scan; .* lasts 9\.990 s"
+    ):
+        measure_responses(samples, Script(presses=(press,)), 100.0, "peak")
 
 
 def test_a_table_that_is_no_text_is_refused(tmp_path: Path) -> None:

@@ -53,6 +53,12 @@ def a_pair(noted: tuple[int, int], unit: str = "V", in_unit: float = 1.0) -> dic
     return document_of(characterise([taken], info), [], {})
 
 
+def test_a_single_pressed_pad_is_compared_with_none_and_no_converter_is_blamed() -> None:
+    (line,) = [line for line in lines_about_a_pair((0, 0)) if "to compare" in line]
+
+    assert line.endswith(" N: fewer than two channels to compare")
+
+
 def test_presses_under_the_wrong_name_get_a_warning_for_each_sensor() -> None:
     warnings = [line for line in lines_about_a_pair((1, 0)) if line.startswith("warning")]
 

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Self
 
@@ -179,7 +180,7 @@ def test_an_empty_hand_is_tried_three_times_and_then_said(
     rig = grasping.open_grasping("sim://teng?seed=3", HAND)
     monkeypatch.setattr(grasping, "open_grasping", lambda *_: replace(rig, place=None))
 
-    with pytest.raises(BadInput, match="nothing, 3 times"):
+    with pytest.raises(BadInput, match=r"nothing, 3 times; .*--stroke-s"):
         collect(plan, tmp_path / "grasps", "--arm", "--no-ask")
     assert list((tmp_path / "grasps").glob("*")) == []
 
@@ -196,7 +197,31 @@ def test_fingers_close_are_drawn_and_open_again(tmp_path: Path, capsys: pytest.C
     assert printed["seconds"] == pytest.approx(0.6, abs=0.05)
     currents = read_recording(tmp_path / "c.mcap")
     assert len(currents.samples) == printed["readings"] > 50
+    manifest, last_s = currents.manifest, currents.samples.fitted_s[-1]
+    written_s = datetime.fromisoformat(manifest.created).timestamp() + 0.001  # milliseconds, cut
+    assert manifest.wall_anchor_ns * 1e-9 + last_s <= written_s, "it was over before"
     assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_movement_that_is_stopped_keeps_its_currents(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """They may show why the board stopped; they are written once the hand is closed."""
+    take, calls = SimHand.take_currents, []
+
+    def stopped(self: SimHand) -> list[tuple[float, tuple[int, ...]]]:
+        calls.append(1)
+        if len(calls) == 30:
+            self.stop()
+        return take(self)
+
+    monkeypatch.setattr(SimHand, "take_currents", stopped)
+    with pytest.raises(BadInput, match="a hand that may move; got a stop"):
+        hand("grip", HAND, "--arm", "--record", tmp_path / "c.mcap", "--plot", tmp_path / "c.png")
+
+    assert len(read_recording(tmp_path / "c.mcap").samples) > 20
+    assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
+    assert "the currents until the stop" in capsys.readouterr().err
 
 
 def test_a_hand_that_rests_says_so(capsys: pytest.CaptureFixture[str]):

@@ -274,6 +274,14 @@ def test_boards_of_different_rates_are_refused(tmp_path: Path):
         opened(first, second)
 
 
+def test_the_board_of_a_hand_is_named_as_such(tmp_path: Path):
+    """Its firmware is not out of date: it is another kind of board."""
+    hand = RunningBoard(EmulatedBoard(board=3, channels=0, board_id="HAND"), tmp_path / "hand")
+    hand.pause()  # it sends no scans
+    with hand, pytest.raises(BadSource, match=r"sensor board at .*; got the board HAND .*hand://"):
+        opened(hand, options="?wait_s=0.2")
+
+
 @pytest.mark.slow
 def test_lines_of_numbers_are_an_array_too(tmp_path: Path):
     port = PseudoPort(tmp_path / "sketch")

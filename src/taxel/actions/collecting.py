@@ -10,7 +10,7 @@ Background of our choices: docs/decisions/0043.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -100,7 +100,10 @@ def collect_grasp(
         if grasp_counts:  # currents first: a grasp whose file is there counts as done
             start_s = min(cycle.touched.values()) - BEFORE_S
             recorder.mark(Mark(start_s=start_s, end_s=cycle.ended_s, labels={}))
-            write_currents(folder / CURRENTS / trial.file_name, currents.time_s, currents.values)
+            write_currents(
+                folder / CURRENTS / trial.file_name, currents.time_s, currents.values,
+                manifest.wall_anchor_ns,
+            )  # fmt: skip
     except BaseException:
         recorder.discard()
         raise
@@ -153,7 +156,10 @@ def _check(source: Source, silent_s: float, lasted_s: float) -> None:
         )
     if lasted_s > _LONGEST_S:
         raise BadSource(
-            f"a grasp of less than {_LONGEST_S:g} s", "fingers that move on", "check --stroke-s"
+            f"a grasp of less than {_LONGEST_S:g} s",
+            "one that goes on",
+            "lower --contact-ma if the fingers press on the object and no motor stops, or "
+            "--presses, --hold-s or --pause-s",
         )
 
 
@@ -185,7 +191,7 @@ def rest(source: Source, driver: HandDriver, waiting: Callable[[], bool]) -> Non
 
 
 def write_currents(
-    path: Path, time_s: list[float], values: list[tuple[int, ...]]
+    path: Path, time_s: list[float], values: list[tuple[int, ...]], wall_anchor_ns: int
 ) -> dict[str, Any]:
     """Write motor currents as a recording of an array; return its ledger.
 
@@ -193,6 +199,8 @@ def write_currents(
         path: The recording to be; an older one is replaced.
         time_s: Monotonic seconds of each reading, rising.
         values: mA of each motor, a tuple a reading.
+        wall_anchor_ns: Wall clock less the readings' clock, nanoseconds: they are written after
+            the movement, and stand beside the pads' recording by this.
     """
     count = len(values[0]) if values else 4
     info = SensorInfo(
@@ -201,7 +209,7 @@ def write_currents(
         units=("mA",) * count,
         rate_hz=100.0,  # CURRENT_MS in firmware/hand_control/hand_board.c
     )
-    manifest = Manifest.started_now(info, now_s=time_s[0] if time_s else None)
+    manifest = replace(Manifest.started_now(info), wall_anchor_ns=wall_anchor_ns)
     with Recorder(path, manifest, overwrite=True) as recorder:
         if values:
             recorder.write(Samples.from_values(np.array(values, np.float64), np.array(time_s)))

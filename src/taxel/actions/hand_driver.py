@@ -9,6 +9,7 @@ Background of our choices: docs/decisions/0043.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from taxel.actions.actuators import HandActuator, hear_all
@@ -40,6 +41,9 @@ def hand_limits(contact_ma: int) -> InterlockConfig:
 
 class HandStopped(BadInput):
     """The interlock or the board has stopped the hand."""
+
+    currents: Sequence[tuple[float, tuple[int, ...]]] = ()
+    """Of a single movement, until the stop: monotonic seconds and mA of each motor."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(

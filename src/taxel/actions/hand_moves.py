@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from taxel.actions.grasp_cycle import Closing
-from taxel.actions.hand_driver import TICK_S, HandDriver
+from taxel.actions.hand_driver import TICK_S, HandDriver, HandStopped
 from taxel.wire.messages import State
 
 _SETTLE_S = 0.25
@@ -49,7 +49,7 @@ def move_fingers(
         stopped: True once a person asks for the end.
 
     Raises:
-        HandStopped: The hand was stopped in between.
+        HandStopped: The hand was stopped in between; it holds the currents until then.
     """
     clock, moved, ended = driver.clock, False, "time"
     currents: list[tuple[float, tuple[int, ...]]] = []
@@ -63,7 +63,11 @@ def move_fingers(
         if state is State.ARMED and (moved or passed_s > _SETTLE_S):
             ended = "there"
             break
-        driver.tick(wanted)
+        try:
+            driver.tick(wanted)
+        except HandStopped as error:
+            error.currents = [*currents, *driver.actuator.readings]
+            raise
         currents += driver.actuator.readings
         clock.sleep(TICK_S)
     return Moved(ended=ended, seconds=clock.now_s() - began_s, currents=currents)

@@ -319,7 +319,7 @@ class Interlock:
             return 0.0
         if self._state is not InterlockState.DISARMED:
             self._woke_s = now_s
-            self._stop(f"no tick for {gap_s:.2f} s")
+            self._stop(f"the program stood still for {gap_s:.2f} s")
         return gap_s
 
     def tick(self, now_s: float) -> Order:

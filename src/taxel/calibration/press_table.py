@@ -47,7 +47,11 @@ class PressTable:
             all_rising=np.array([press.rising for press in presses], bool),
             # Rounds of two recordings are not the same rounds.
             all_rounds=np.array(
-                [1000 * i + p.round for i, channel in enumerate(measured) for p in channel.presses],
+                [
+                    10**10 * i + press.round
+                    for i, channel in enumerate(measured)
+                    for press in channel.presses
+                ],
                 np.int64,
             ),
             saturated=np.concatenate([channel.saturated for channel in measured]),

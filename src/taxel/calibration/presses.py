@@ -23,6 +23,8 @@ LARGEST_FORCE_N = 1000.0
 """Above this a force is taken for a typing error, newtons. Our choice."""
 _LARGEST_TABLE_BYTES = 10_000_000
 """Of a table of presses, some 200,000 of them. Source: our choice."""
+_LARGEST_ROUND = 999_999_999
+"""Above this the number of a round is taken for a typing error. Our choice."""
 _COLUMNS = ("sensor", "force_n", "start_s", "end_s")
 _MORE_COLUMNS = ("direction", "round", "reference_v")
 
@@ -128,6 +130,7 @@ def _check_header(path: Path, names: Sequence[str]) -> None:
 
 def _script(rows: list[tuple[str, dict[str, str], float, float]], sensor: SensorInfo) -> Script:
     presses: list[tuple[Press, bool, bool]] = []
+    places: list[str] = []
     references: list[Reference] = []
     for where, labels, start_s, end_s in sorted(rows, key=lambda row: row[2]):
         if not (math.isfinite(start_s) and start_s < end_s):
@@ -150,6 +153,12 @@ def _script(rows: list[tuple[str, dict[str, str], float, float]], sensor: Sensor
         if way not in ("", "up", "down"):
             raise BadTable("a direction of up or down", f"{way!r} in {where}", "mend it")
         number = _number(labels.get("round", "1"), "round", where)
+        if not (0 <= number <= _LARGEST_ROUND and number.is_integer()):
+            raise BadTable(
+                f"a whole number from 0 to {_LARGEST_ROUND} as round",
+                f"{labels['round']!r} in {where}",
+                "mend it",
+            )
         press = Press(
             channel=_channel(labels.get("sensor", ""), sensor, where),
             force_n=force_n,
@@ -159,8 +168,9 @@ def _script(rows: list[tuple[str, dict[str, str], float, float]], sensor: Sensor
             round=int(number),
         )
         presses.append((press, bool(way), "round" in labels))
+        places.append(where)
     every = [press for press, _, _ in presses]
-    _check_apart(every)
+    _check_apart(every, places)
     all_presses: list[Press] = []
     for channel in sorted({press.channel for press in every}):
         all_presses += _in_series([press for press in presses if press[0].channel == channel])
@@ -170,12 +180,12 @@ def _script(rows: list[tuple[str, dict[str, str], float, float]], sensor: Sensor
     )
 
 
-def _check_apart(presses: Sequence[Press]) -> None:
-    for press, next_one in pairwise(presses):
-        if next_one.start_s < press.end_s:
+def _check_apart(presses: Sequence[Press], places: Sequence[str]) -> None:
+    for (press, place), (later, place_later) in pairwise(zip(presses, places, strict=True)):
+        if later.start_s < press.end_s:
             raise BadTable(
                 "presses one after another, each from rest",
-                f"one at {next_one.start_s:.3f} s before that of {press.start_s:.3f} s has ended",
+                f"one in {place_later} that begins before that in {place} has ended",
                 "mend the times",
             )
 

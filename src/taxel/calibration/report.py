@@ -272,6 +272,8 @@ def write_page(path: Path, document: Document, command: str) -> None:
 def _uniform(result: Mapping[str, Any]) -> str:
     ends = sum(result["at_least"])
     if result["spread_pct"] is None:
+        if not ends:
+            return f"at {result['at']}: fewer than two channels to compare"
         return (
             f"at {result['at']}: {number_of(ends, 'channel')} at the converter's end, "
             "nothing to compare"

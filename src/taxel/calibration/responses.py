@@ -172,8 +172,8 @@ def _press(
     if last - first < 5 or press.start_s < time_s[0] - 1.0 / rate_hz:
         raise BadDataset(
             "presses inside the recording",
-            f"one from {press.start_s:.3f} to {press.end_s:.3f} s; the recording goes from "
-            f"{time_s[0]:.3f} to {time_s[-1]:.3f} s",
+            f"one from {press.start_s - time_s[0]:.3f} to {press.end_s - time_s[0]:.3f} s after "
+            f"the first scan; the recording lasts {time_s[-1] - time_s[0]:.3f} s",
             "mend the times of the presses",
         )
     part = slice(int(first), int(last))

@@ -197,7 +197,8 @@ def _one(
     raise BadInput(
         f"an object between the fingers for trial {trial.number} ({trial.words})",
         f"nothing, {TRIES} times",
-        "put it into the hand, or lower --contact-ma, and run the same command again",
+        "put it into the hand, lower --contact-ma, or give the fingers' own time from open to "
+        "closed as --stroke-s; then run the same command again",
     )
 
 

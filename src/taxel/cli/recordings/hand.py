@@ -5,15 +5,17 @@ Background of our choices: docs/decisions/0043.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from time import time_ns
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import tyro
 
 from taxel.cli.figure_files import need_figures
 from taxel.cli.options.rules import Only
-from taxel.cli.printing import print_json, say
+from taxel.cli.printing import print_json, say, say_aside
 from taxel.cli.recordings.recording import stop_signals
 from taxel.errors import BadInput
 from taxel.plain_text import number_of
@@ -114,9 +116,11 @@ def use_hand(
 ) -> dict[str, Any]:
     """Open the hand, do what was asked for, write what is to be kept; return what became of it.
 
-    Whether it can be kept is looked at first: a motion is not repeated for its currents.
+    Whether it can be kept is looked at first: a motion is not repeated for its currents. Those of
+    a movement that was stopped are kept too.
     """
     from taxel.actions.grasping import open_hand
+    from taxel.actions.hand_driver import HandStopped
     from taxel.recordings.part_file import check_output
     from taxel.recordings.whole import check_place
 
@@ -129,22 +133,44 @@ def use_hand(
             raise BadInput("a new file", f"{plot}, which exists", "add --overwrite or name another")
     actuator, clock = open_hand(url)
     actuator.connect()
+    keep = _Kept(record, plot, contact_ma)
     try:
-        to = {"move": closed, "grip": 1000, "release": 0}.get(action)
-        moved = _act(actuator, clock, fingers, to, contact_ma, longest_s, stop=action == "stop")
-        result = _summary(actuator, moved)
-    finally:
-        actuator.close()
-    time_s, values = [s for s, _ in moved.currents], [ma for _, ma in moved.currents]
-    if record is not None:
-        from taxel.actions.collecting import write_currents
-
-        write_currents(record, time_s, values)
-    if plot is not None:
-        from taxel.views.figures.current import save_currents
-
-        save_currents(plot, time_s, values, contact_ma)
+        try:
+            to = {"move": closed, "grip": 1000, "release": 0}.get(action)
+            moved = _act(actuator, clock, fingers, to, contact_ma, longest_s, stop=action == "stop")
+            result = _summary(actuator, moved)
+        finally:
+            wall_anchor_ns = time_ns() - round(clock.now_s() * 1e9)
+            actuator.close()
+    except HandStopped as error:
+        if error.currents and (record or plot):  # they may show why
+            keep.write(error.currents, wall_anchor_ns)
+            files = ", ".join(str(path) for path in (record, plot) if path)
+            say_aside(f"the currents until the stop: {files}")
+        raise
+    keep.write(moved.currents, wall_anchor_ns)
     return result
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """Where a movement's currents go."""
+
+    record: Path | None
+    plot: Path | None
+    contact_ma: int
+
+    def write(self, currents: Sequence[tuple[float, tuple[int, ...]]], wall_anchor_ns: int) -> None:
+        """Write what was asked for, once the hand is closed."""
+        time_s, values = [s for s, _ in currents], [ma for _, ma in currents]
+        if self.record is not None:
+            from taxel.actions.collecting import write_currents
+
+            write_currents(self.record, time_s, values, wall_anchor_ns)
+        if self.plot is not None:
+            from taxel.views.figures.current import save_currents
+
+            save_currents(self.plot, time_s, values, self.contact_ma)
 
 
 def _act(

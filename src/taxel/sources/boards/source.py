@@ -246,6 +246,12 @@ class SerialBoards:
                     f"{hello.rate_hz} Hz after it was asked to change",
                     "leave rate_hz out, or choose a rate that its firmware can do",
                 )
+            if hello is not None and hello.protocol == PROTOCOL:
+                return BadSource(
+                    f"a sensor board at {port.path}",
+                    f"the board {hello.board_id or hello.board} without channels, as of a hand",
+                    "give the port of a sensor board; a hand's address begins with hand://",
+                )
             if hello is not None:
                 got = (
                     f"one of protocol {hello.protocol} with {number_of(hello.channels, 'channel')}"
