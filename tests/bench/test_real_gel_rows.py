@@ -81,6 +81,10 @@ def test_a_recogniser_without_recordings_has_no_value(tmp_path: Path):
         (row,) = recogniser_alarm_rows(data)
         assert row.value is None
         assert row.name.startswith(RECOGNISER)
+        short = recogniser_alarm_rows(data, short=True)
+        assert [row.name.partition(" on real")[0] for row in short] == [
+            f"{RECOGNISER} crops of 24 images, confidence {least}" for least in (0.8, 0.6)
+        ]
 
 
 def test_a_verdict_on_a_recording_is_one_and_no_unknown(monkeypatch: pytest.MonkeyPatch):
@@ -107,10 +111,12 @@ def test_a_verdict_on_a_recording_is_one_and_no_unknown(monkeypatch: pytest.Monk
     )
     monkeypatch.setattr(trial_watch, "decode_frame", lambda *_: np.zeros((8, 8, 3), np.uint8))
     monkeypatch.setattr(trial_watch, "predict_crop", lambda *_: (np.array([0.1, 0.9]), 0.0))
-    trial, first = real_recogniser.watch_verdicts(Path("a.taxel"), Path("a.mcap"))
+    levels = {RECOGNISER: 0.9, "surer": 0.95}
+    trial, first = real_recogniser.watch_verdicts(Path("a.taxel"), Path("a.mcap"), levels)
 
-    assert first == 8  # with the first crop
+    assert first == {RECOGNISER: 8, "surer": None}  # with the first crop
     assert (trial.slips, trial.images, trial.object) == (True, 20, "mug")
     watched = trial.watched[RECOGNISER]
     assert (watched.alarm, watched.early) == (True, True)
+    assert not trial.watched["surer"].alarm
     assert watched.largest == pytest.approx(0.9)

@@ -53,6 +53,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("slip signal of real touch", lambda: slip_signal(data)),
         ("slip warnings on real gels", lambda: on_real_gels(data)),
         ("recogniser on real gels", lambda: on_real_gels(data, learned=True)),
+        ("short crops on real gels", lambda: on_real_gels(data, learned=True, short=True)),
         ("touch encoder: cost", encoder_cost),
         ("touch encoder: probe", lambda: encoder_probe(data)),
         ("sim to real: grey differences", lambda: sim_to_real("grey differences", data)),
@@ -266,12 +267,12 @@ def slip_signal(data: Path | None) -> list[Row]:
     return signal_rows(data / "gelsight-slip")
 
 
-def on_real_gels(data: Path | None, *, learned: bool = False) -> list[Row]:
+def on_real_gels(data: Path | None, *, learned: bool = False, short: bool = False) -> list[Row]:
     """Watch real trials with the warnings that come with taxel, or with what learned from some."""
     from taxel.bench.transitions.real_gels import real_gel_rows
     from taxel.bench.transitions.real_recogniser import recogniser_alarm_rows
 
-    return recogniser_alarm_rows(data) if learned else real_gel_rows(data)
+    return recogniser_alarm_rows(data, short=short) if learned else real_gel_rows(data)
 
 
 def encoder_cost() -> list[Row]:
