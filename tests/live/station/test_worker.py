@@ -10,6 +10,7 @@ from multiprocessing.connection import Connection
 import pytest
 from station_rig import WAIT_S
 
+from taxel.clock import ManualClock, SystemClock
 from taxel.errors import BadBundle
 from taxel.live.station import worker
 from taxel.live.station.beats import Beats, Work
@@ -17,6 +18,7 @@ from taxel.live.station.worker import (
     Place,
     Rank,
     at_work,
+    hurried,
     hurry,
     hurry_threads,
     may_run_in_real_time,
@@ -71,6 +73,19 @@ def test_a_rank_is_a_real_time_priority_and_is_given_back(rank: Rank):
     assert after == before
     # What a source starts reads its camera; what the supervisor starts says itself what it is.
     assert child[0] == (os.SCHED_OTHER if rank is Rank.SUPERVISOR else os.SCHED_FIFO)
+
+
+def test_what_lives_in_simulated_time_does_not_hurry(monkeypatch: pytest.MonkeyPatch):
+    """It never waits: in real time it would leave nothing to others."""
+    ranks: list[Rank] = []
+    monkeypatch.setattr(
+        worker, "hurry", lambda rank=Rank.SUPERVISOR: ranks.append(rank) or Rank.ORDINARY
+    )
+    with hurried(ManualClock()):
+        assert ranks == []
+    with hurried(SystemClock()):
+        assert ranks == [Rank.SUPERVISOR]
+    assert ranks == [Rank.SUPERVISOR, Rank.ORDINARY]
 
 
 def _hurry_threads(pipe: Connection) -> None:

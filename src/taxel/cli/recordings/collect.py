@@ -123,6 +123,7 @@ def _grasp_all(
     Where it `asks`, that is before `each` object, or else before the hand first moves.
     """
     from taxel.actions.hand_driver import HandDriver, hand_limits
+    from taxel.live.station.worker import hurried
 
     if asks and not console.is_terminal:
         raise BadInput(
@@ -133,7 +134,10 @@ def _grasp_all(
     ready = {trial.number for trial in done}
     grasps: list[CollectedGrasp] = []
     rig.actuator.connect()
-    with rig.source as source, stop_signals() as stopped, Keys() as keys, progress() as bars:
+    with (
+        rig.source as source, stop_signals() as stopped, Keys() as keys, progress() as bars,
+        hurried(rig.clock),  # the hand stops where nobody speaks to it for a while
+    ):  # fmt: skip
         driver = HandDriver(rig.actuator, rig.clock, hand_limits(config.contact_ma))
         try:
             driver.arm()

@@ -187,6 +187,7 @@ def _act(
     from taxel.actions.grasp_cycle import Closing
     from taxel.actions.hand_driver import HandDriver, hand_limits
     from taxel.actions.hand_moves import Moved, move_fingers, watch
+    from taxel.live.station.worker import hurried
 
     driver = HandDriver(actuator, clock, hand_limits(contact_ma))
     if stop:
@@ -194,8 +195,8 @@ def _act(
     if to_permille is None:
         return Moved(ended="there", seconds=_LISTEN_S, currents=watch(driver, _LISTEN_S))
     bits = sum(1 << finger - 1 for finger in set(fingers))
-    driver.arm()
-    with stop_signals() as stopped:
+    with stop_signals() as stopped, hurried(clock):
+        driver.arm()
         wanted = Closing(bits, to_permille, contact_ma, _LASTS_S)
         return move_fingers(driver, wanted, longest_s, stopped)
 
