@@ -201,3 +201,28 @@ def test_trials_without_the_label_do_not_change_what_intervals_are_resampled_by(
 
     assert found.resampled == "object"
     assert found.found.levels[0].right.of == found.found.levels[0].false.of == 2
+    assert (found.foreign, found.record()["foreign"]) == (0, 0)
+
+
+def test_alarms_in_trials_of_a_class_that_the_bundle_does_not_know_are_stated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A misspelt label, such as Slip, turned right alarms into false ones without a word."""
+    for number in range(3):
+        np.save(tmp_path / f"{number}.npy", np.full((9, 20, 30), number, np.uint8))
+    table = tmp_path / "t.csv"
+    table.write_text("camera:gel,label:outcome\n0.npy,slip\n1.npy,hold\n2.npy,Slip\n")
+    trials = read_camera_trials(table)
+    courses = [course_of([0.9]), course_of([0.1]), course_of([0.9])]
+    monkeypatch.setattr(trial_courses, "watch_side_by_side", lambda *_: courses)
+    study = AlarmStudy(
+        label="slip", contract=contract_of(trials[0]), trials=trials, group_of=interval_group
+    )
+    found = study.watched((table, ""), lambda done, of: None)
+
+    assert found.found.levels[0].false.of == 2
+    assert found.record()["foreign"] == 1
+    console = Console(width=120)
+    with console.capture() as lines:
+        console.print(found.table())
+    assert "others: among them 1 whose outcome the bundle does not know" in lines.get()

@@ -64,7 +64,9 @@ class AlarmStudy:
         groups = [trial.name if key is None else trial.groups[key] for trial in known]
         column = self.contract.classes.index(self.label)
         found = trial_alarms(courses, own, groups, self.label, column)
-        return WatchedStudy(self.contract.target, found, key or "trial")
+        foreign = sum(trial.labels[self.contract.target] not in self.contract.classes
+                      for trial in known)  # fmt: skip
+        return WatchedStudy(self.contract.target, found, key or "trial", foreign)
 
     def _labels(self) -> list[str]:
         return [trial.labels.get(self.contract.target, "") for trial in self.trials]
@@ -78,13 +80,16 @@ class WatchedStudy:
     found: TrialAlarms
     resampled: str
     """Group that intervals are resampled by."""
+    foreign: int = 0
+    """Trials of a class that the bundle does not know, which count among all others."""
 
     def table(self) -> RenderableType:
         """Return them as a table in the terminal."""
         from taxel.views.tables.trial_alarms import trial_alarm_table
 
-        return trial_alarm_table(self.found, self.target, self.resampled)
+        return trial_alarm_table(self.found, self.target, self.resampled, self.foreign)
 
     def record(self) -> dict[str, Any]:
         """Return them as plain values, for --json."""
-        return dict(finite(asdict(self.found) | {"resampled": self.resampled}))
+        beside = {"resampled": self.resampled, "foreign": self.foreign}
+        return dict(finite(asdict(self.found) | beside))

@@ -15,13 +15,14 @@ from taxel.plain_text import number_of, visible
 from taxel.views.tables.results import result_table
 
 
-def trial_alarm_table(found: TrialAlarms, target: str, by: str) -> RenderableType:
+def trial_alarm_table(found: TrialAlarms, target: str, by: str, foreign: int = 0) -> RenderableType:
     """Return in how many trials an alarm would be raised while they run.
 
     Args:
         found: The shares.
         target: What is recognised.
         by: Group that intervals are resampled by.
+        foreign: Trials of a class that is never recognised, among all others.
     """
     label = visible(found.label)
     table = result_table(
@@ -41,6 +42,11 @@ def trial_alarm_table(found: TrialAlarms, target: str, by: str) -> RenderableTyp
     lines.append(
         "the verdict on the whole trial, at its end, can raise an alarm too: not counted here"
     )
+    if foreign:
+        lines.append(
+            f"others: among them {foreign} whose {visible(target)} the bundle does not know; any "
+            "alarm there counts as false"
+        )
     if found.silent:
         lines.append(
             f"shorter than a crop, so that no alarm is possible while they run: {found.silent} of "
