@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,7 +17,8 @@ from taxel.bundles.trials import TrialContract
 from taxel.cli.evaluation.trial_alarm import AlarmStudy, WatchedStudy
 from taxel.decisions.trial_course import TrialCourse
 from taxel.errors import BadInput
-from taxel.evaluation.camera_trials.trial_alarms import LEVELS, trial_alarms
+from taxel.evaluation.camera_trials.sides import interval_group
+from taxel.evaluation.camera_trials.trial_alarms import LEVELS, TrialAlarms, trial_alarms
 from taxel.live import trial_courses, trial_watch
 from taxel.live.trial_courses import watch_trial
 from taxel.live.trial_replay import TrialReplay
@@ -90,6 +92,13 @@ def course_of(slip: Sequence[float], labels: Sequence[str] | None = None) -> Tri
     )  # fmt: skip
 
 
+def printed(found: TrialAlarms) -> str:
+    console = Console(width=120)
+    with console.capture() as lines:
+        console.print(WatchedStudy("outcome", found, "object").table())
+    return lines.get()
+
+
 def test_an_alarm_needs_the_class_and_its_confidence() -> None:
     courses = [
         course_of([0.2, 0.85, 0.97]),  # slips, found at 2 s, surely at 3 s
@@ -127,15 +136,17 @@ def test_a_trial_without_a_verdict_so_early_leaves_no_area() -> None:
     found = trial_alarms(courses, np.array([True, False]), ["a", "b"], "slip", 1)
     assert np.isnan(found.area)
     assert (found.levels[0].right.alarmed, found.levels[0].false.alarmed) == (1, 0)
+    text = printed(found)
+    assert "no alarm is possible while they run: 1 of 2 trials, counted as without one" in text
+    assert "no AUC: not every trial has a verdict within 0.5 s, the length of the shortest" in text
 
 
 def test_trials_of_the_class_alone_have_no_share_of_others() -> None:
     found = trial_alarms([course_of([0.9])] * 2, np.array([True, True]), ["a", "b"], "slip", 1)
-    console = Console(width=100)
-    with console.capture() as printed:
-        console.print(WatchedStudy("outcome", found, "object").table())
-    text = printed.get()
+    text = printed(found)
     assert "trials with an alarm for outcome slip while they run" in text
+    assert "at its end, can raise an alarm too: not counted here" in text
+    assert "shorter than a crop" not in text
     assert "AUC" not in text
     (line,) = [line for line in text.splitlines() if line.lstrip().startswith("0.5 ")]
     assert line.split() == ["0.5", "2", "of", "2", "(0.16", "to", "1.00)", "–", "1.0", "s"]
@@ -153,5 +164,65 @@ def test_a_class_that_is_never_recognised_is_refused_before_any_trial_is_watched
     table.write_text(f"camera:gel,label:{column}\n0.npy,slip\n")
     trials = read_camera_trials(table)
     with pytest.raises(BadInput) as refused:
-        AlarmStudy(label=label, contract=contract_of(trials[0]), trials=trials, group=None)
+        AlarmStudy(
+            label=label, contract=contract_of(trials[0]), trials=trials, group_of=interval_group
+        )
     assert refused.value.got == got
+
+
+def test_trials_without_the_label_do_not_change_what_intervals_are_resampled_by(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A recording of nothing beside the trials names no object: intervals became those of trials
+    that stand alone, which are too narrow, under a score whose intervals were by object.
+    """
+    for number in range(5):
+        np.save(tmp_path / f"{number}.npy", np.full((9, 20, 30), number, np.uint8))
+    table = tmp_path / "t.csv"
+    rows = [
+        "0.npy,slip,mug",
+        "1.npy,hold,mug",
+        "2.npy,slip,cup",
+        "3.npy,hold,cup",
+        "4.npy,hold,mug",
+    ]
+    table.write_text("\n".join(["camera:gel,label:outcome,group:object", *rows]))
+    *trials, last = read_camera_trials(table)
+    trials.append(replace(last, labels={}, groups={}))
+
+    def watch(_: object, __: object, watched: Sequence[CameraTrial], ___: object) -> list[object]:
+        return [course_of([0.9]) for _ in watched]
+
+    monkeypatch.setattr(trial_courses, "watch_side_by_side", watch)
+    study = AlarmStudy(
+        label="slip", contract=contract_of(trials[0]), trials=trials, group_of=interval_group
+    )
+    found = study.watched((table, ""), lambda done, of: None)
+
+    assert found.resampled == "object"
+    assert found.found.levels[0].right.of == found.found.levels[0].false.of == 2
+    assert (found.foreign, found.record()["foreign"]) == (0, 0)
+
+
+def test_alarms_in_trials_of_a_class_that_the_bundle_does_not_know_are_stated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A misspelt label, such as Slip, turned right alarms into false ones without a word."""
+    for number in range(3):
+        np.save(tmp_path / f"{number}.npy", np.full((9, 20, 30), number, np.uint8))
+    table = tmp_path / "t.csv"
+    table.write_text("camera:gel,label:outcome\n0.npy,slip\n1.npy,hold\n2.npy,Slip\n")
+    trials = read_camera_trials(table)
+    courses = [course_of([0.9]), course_of([0.1]), course_of([0.9])]
+    monkeypatch.setattr(trial_courses, "watch_side_by_side", lambda *_: courses)
+    study = AlarmStudy(
+        label="slip", contract=contract_of(trials[0]), trials=trials, group_of=interval_group
+    )
+    found = study.watched((table, ""), lambda done, of: None)
+
+    assert found.found.levels[0].false.of == 2
+    assert found.record()["foreign"] == 1
+    console = Console(width=120)
+    with console.capture() as lines:
+        console.print(found.table())
+    assert "others: among them 1 whose outcome the bundle does not know" in lines.get()

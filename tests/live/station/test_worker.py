@@ -40,7 +40,7 @@ def state() -> State:
 
 def _hurry(rank: int, permitted: bool, pipe: Connection) -> None:
     if not permitted:
-        worker._schedule = lambda _: False  # type: ignore[assignment]  # as without the right
+        worker._schedule = lambda *_: False  # type: ignore[assignment]  # as without the right
     states = [state()]
     before = hurry(Rank(rank))
     states.append(state())
@@ -88,7 +88,9 @@ def test_what_lives_in_simulated_time_does_not_hurry(monkeypatch: pytest.MonkeyP
     assert ranks == [Rank.SUPERVISOR, Rank.ORDINARY]
 
 
-def _hurry_threads(pipe: Connection) -> None:
+def _hurry_threads(permitted: bool, pipe: Connection) -> None:
+    if not permitted:
+        worker._schedule = lambda *_: False  # type: ignore[assignment]  # as without the right
     over, numbers = threading.Event(), []
 
     def wait(niceness: int) -> None:
@@ -103,19 +105,36 @@ def _hurry_threads(pipe: Connection) -> None:
         while len(numbers) <= threads.index(thread):
             pass
     hurry_threads(Rank.MODEL)
-    pipe.send([os.sched_getscheduler(number) for number in (0, *numbers)])
+    everybody = (threading.get_native_id(), *numbers)
+    pipe.send([os.sched_getscheduler(number) for number in everybody])
+    pipe.send([os.getpriority(os.PRIO_PROCESS, number) - own for number in everybody])
     over.set()
+
+
+def hurried_threads(*, permitted: bool) -> tuple[list[int], list[int]]:
+    """Return schedulers and how the niceness changed: of the main thread, one like it, one that
+    stands back by one.
+    """
+    mine, theirs = CONTEXT.Pipe(duplex=False)
+    process = CONTEXT.Process(target=_hurry_threads, args=(permitted, theirs))
+    process.start()
+    schedulers, nicer = mine.recv(), mine.recv()
+    process.join()
+    return schedulers, nicer
 
 
 @pytest.mark.skipif(not may_run_in_real_time(), reason="real-time scheduling is not permitted")
 def test_threads_that_were_there_before_take_the_rank_but_not_those_that_stand_back():
     """What a source or a model starts while it is opened, as a camera's reader."""
-    mine, theirs = CONTEXT.Pipe(duplex=False)
-    process = CONTEXT.Process(target=_hurry_threads, args=(theirs,))
-    process.start()
-    schedulers = mine.recv()
-    process.join()
+    schedulers, _ = hurried_threads(permitted=True)
     assert schedulers == [os.SCHED_FIFO, os.SCHED_FIFO, os.SCHED_OTHER]
+
+
+def test_threads_that_were_there_before_share_the_niceness_that_stands_in():
+    """A camera's reader waited behind other programs, though its source's main thread did not."""
+    _, (main, like_it, stands_back) = hurried_threads(permitted=False)
+    assert like_it == main
+    assert stands_back == 1
 
 
 def test_where_real_time_is_not_permitted_niceness_stands_in(monkeypatch: pytest.MonkeyPatch):
@@ -177,3 +196,12 @@ def test_a_process_that_fails_says_why_and_that_it_failed(
     assert heard[0] == "failed"
     assert str(heard[1]) == str(words)
     assert type(heard[1]) is type(words)
+
+
+def test_an_ordinary_process_stays_ordinary(monkeypatch: pytest.MonkeyPatch):
+    """As that of a recogniser of camera trials: nothing urgent waits for it."""
+    asked: list[object] = []
+    monkeypatch.setattr(worker, "_schedule", lambda *words: asked.append(words))
+    monkeypatch.setattr(os, "setpriority", lambda *words: asked.append(words))
+    hurry_threads(Rank.ORDINARY)
+    assert asked == []

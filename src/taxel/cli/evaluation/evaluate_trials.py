@@ -132,10 +132,10 @@ class EvaluateTrials:
         trials, table = _scored_trials(self.data, self.options.folds)
         study = None
         if self.alarm is not None:
-            group = _resampled([trial.groups for trial in trials], table)
             study = AlarmStudy(
-                label=self.alarm, contract=bundle.contract, trials=trials, group=group
-            )
+                label=self.alarm, contract=bundle.contract, trials=trials,
+                group_of=partial(_resampled, table=table),
+            )  # fmt: skip
         with self.options.work.open(), progress() as bar:
             work = LongWork(bar)
             at = partial(work.at, "trials")

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from taxel.bundles.trials import TrialContract
+    from taxel.evaluation.camera_trials.sides import Groups
     from taxel.evaluation.camera_trials.trial_alarms import TrialAlarms
     from taxel.windows.camera_trials import CameraTrial
 
@@ -32,8 +33,9 @@ class AlarmStudy:
     contract: TrialContract
     trials: Sequence[CameraTrial]
     """Those without the bundle's label are left out."""
-    group: str | None
-    """Group that intervals are resampled by; None where each trial stands alone."""
+    group_of: Callable[[Groups], str | None]
+    """From the groups of trials, the one that intervals are resampled by; None where each trial
+    stands alone. It is asked about those that have the label, as for the bundle's score."""
 
     def __post_init__(self) -> None:
         """Refuse a class that is never recognised, before any trial is watched."""
@@ -58,11 +60,13 @@ class AlarmStudy:
         known = [trial for trial, own in zip(self.trials, self._labels(), strict=True) if own]
         courses = watch_side_by_side(self.contract, file, known, on_trial)
         own = np.array([trial.labels[self.contract.target] == self.label for trial in known])
-        key = self.group
+        key = self.group_of([trial.groups for trial in known])
         groups = [trial.name if key is None else trial.groups[key] for trial in known]
         column = self.contract.classes.index(self.label)
         found = trial_alarms(courses, own, groups, self.label, column)
-        return WatchedStudy(self.contract.target, found, key or "trial")
+        foreign = sum(trial.labels[self.contract.target] not in self.contract.classes
+                      for trial in known)  # fmt: skip
+        return WatchedStudy(self.contract.target, found, key or "trial", foreign)
 
     def _labels(self) -> list[str]:
         return [trial.labels.get(self.contract.target, "") for trial in self.trials]
@@ -76,13 +80,16 @@ class WatchedStudy:
     found: TrialAlarms
     resampled: str
     """Group that intervals are resampled by."""
+    foreign: int = 0
+    """Trials of a class that the bundle does not know, which count among all others."""
 
     def table(self) -> RenderableType:
         """Return them as a table in the terminal."""
         from taxel.views.tables.trial_alarms import trial_alarm_table
 
-        return trial_alarm_table(self.found, self.target, self.resampled)
+        return trial_alarm_table(self.found, self.target, self.resampled, self.foreign)
 
     def record(self) -> dict[str, Any]:
         """Return them as plain values, for --json."""
-        return dict(finite(asdict(self.found) | {"resampled": self.resampled}))
+        beside = {"resampled": self.resampled, "foreign": self.foreign}
+        return dict(finite(asdict(self.found) | beside))

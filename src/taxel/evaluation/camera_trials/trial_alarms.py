@@ -54,6 +54,9 @@ class TrialAlarms:
 
     label: str
     levels: tuple[AlarmLevel, ...]
+    silent: int
+    """Trials without a verdict while they run, which are shorter than a crop: no alarm is possible,
+    and they count as trials without one."""
     area: float
     """AUC of the largest probability of the class within the length that all trials have; NaN
     where the class or all others lack, or there is a trial without a verdict so early."""
@@ -102,6 +105,7 @@ def trial_alarms(
     return TrialAlarms(
         label=label,
         levels=tuple(levels),
+        silent=sum(not np.isfinite(course.probabilities).any() for course in courses),
         area=_area(y, largest) if seen else float("nan"),
         within_s=within_s,
         length_area=max(length, 1.0 - length),

@@ -199,16 +199,21 @@ def hurried(clock: Clock) -> Iterator[None]:
 def hurry_threads(rank: Rank) -> None:
     """Give this process's threads a rank, also those that a library has started; see `hurry`.
 
-    A thread with a niceness of its own stands back on purpose, and stays as it is.
+    A thread with a niceness of its own stands back on purpose, and stays as it is. ORDINARY changes
+    nothing: it is what a process begins with.
     """
+    if rank is Rank.ORDINARY:
+        return
     mine = threading.get_native_id()
     with contextlib.suppress(OSError, AttributeError):
         own = os.getpriority(os.PRIO_PROCESS, mine)
         for name in os.listdir("/proc/self/task"):
+            thread = int(name)
             with contextlib.suppress(ProcessLookupError):
-                thread = int(name)
-                if thread != mine and os.getpriority(os.PRIO_PROCESS, thread) == own:
-                    _schedule(rank, thread)
+                if thread == mine or os.getpriority(os.PRIO_PROCESS, thread) != own:
+                    continue
+                if not _schedule(rank, thread):
+                    os.setpriority(os.PRIO_PROCESS, thread, _NICENESS)
     hurry(rank)
 
 

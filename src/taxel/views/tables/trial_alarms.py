@@ -11,17 +11,18 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from taxel.evaluation.camera_trials.trial_alarms import AlarmShare, TrialAlarms
-from taxel.plain_text import visible
+from taxel.plain_text import number_of, visible
 from taxel.views.tables.results import result_table
 
 
-def trial_alarm_table(found: TrialAlarms, target: str, by: str) -> RenderableType:
+def trial_alarm_table(found: TrialAlarms, target: str, by: str, foreign: int = 0) -> RenderableType:
     """Return in how many trials an alarm would be raised while they run.
 
     Args:
         found: The shares.
         target: What is recognised.
         by: Group that intervals are resampled by.
+        foreign: Trials of a class that is never recognised, among all others.
     """
     label = visible(found.label)
     table = result_table(
@@ -38,10 +39,29 @@ def trial_alarm_table(found: TrialAlarms, target: str, by: str) -> RenderableTyp
         f"in brackets: 95 % by {visible(by)}; first alarm: median of this class, since the first "
         "image",
     ]
+    lines.append(
+        "the verdict on the whole trial, at its end, can raise an alarm too: not counted here"
+    )
+    if foreign:
+        lines.append(
+            f"others: among them {foreign} whose {visible(target)} the bundle does not know; any "
+            "alarm there counts as false"
+        )
+    if found.silent:
+        lines.append(
+            f"shorter than a crop, so that no alarm is possible while they run: {found.silent} of "
+            f"{number_of(found.levels[0].right.of + found.levels[0].false.of, 'trial')}, counted "
+            "as without one"
+        )
     if not math.isnan(found.area):
         lines.append(
             f"AUC, {label} against others, in the first {found.within_s:.1f} s: largest "
             f"probability {found.area:.3f}; baseline, a trial's length {found.length_area:.3f}"
+        )
+    elif found.levels[0].right.of and found.levels[0].false.of:
+        lines.append(
+            f"no AUC: not every trial has a verdict within {found.within_s:.1f} s, the length of "
+            "the shortest"
         )
     lines.append(
         "a least confidence chosen from these trials is fitted to them: state what it gives on "
