@@ -1,10 +1,11 @@
-"""Claims about recordings and videos that an export leaves out: it names each of them."""
+"""Claims about what an export leaves out, and what an import does not replace: it is named."""
 
 from pathlib import Path
 
 import pytest
 
 from taxel.cli.main import main
+from taxel.errors import BadTable
 from taxel.recordings.reader import iterate_frames, read_recording
 from taxel.recordings.writer import Recorder
 
@@ -42,3 +43,21 @@ def test_a_camera_without_images_has_no_video_and_the_line_says_so(folder, tmp_p
     missing = tmp_path / "videos" / "half.right.mkv"
     assert f"{missing}: not written, as the camera gave no image" in lines
     assert not missing.exists()
+
+
+@pytest.mark.parametrize(
+    ("overwrite", "message"),
+    [(False, "which is not empty; choose another --output"), (True, "with notes.txt; move")],
+)
+def test_a_folder_in_the_way_of_an_import_is_not_called_a_damaged_data_set(
+    overwrite, message, folder, tmp_path
+):
+    """The data set is whole: nobody is to copy it again."""
+    from taxel.exchange.lerobot_read import import_lerobot
+
+    main(["export", "lerobot", str(folder), "--output", str(tmp_path / "set")])
+    (tmp_path / "back").mkdir()
+    (tmp_path / "back" / "notes.txt").write_text("mine")
+    with pytest.raises(BadTable, match=message):
+        import_lerobot(tmp_path / "set", tmp_path / "back", overwrite=overwrite)
+    assert [path.name for path in (tmp_path / "back").iterdir()] == ["notes.txt"]
