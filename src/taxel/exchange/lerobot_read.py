@@ -14,7 +14,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from taxel.errors import BadDataset, BadFile, BadRecording, BadSource, RecordingFailed
+from taxel.errors import BadDataset, BadFile, BadRecording, BadSource, BadTable, RecordingFailed
 from taxel.exchange import lerobot_layout as layout
 from taxel.exchange.lerobot_episode import ForeignEpisode, Info, OwnEpisode, state_key
 from taxel.foreign.files import MIB, in_words, open_file
@@ -54,6 +54,7 @@ def import_lerobot(
 
     Raises:
         BadDataset: It is no data set of version 3.0, is damaged, or holds what is not read.
+        BadTable: There is something at `output` already that is not to be replaced.
         RecordingFailed: The disk refused.
     """
     try:
@@ -66,7 +67,7 @@ def import_lerobot(
             for done, (row, file) in enumerate(zip(rows, files, strict=True), 1):
                 _write_episode(info, row, tasks, batches, made / file)
                 progress(done, len(rows))
-    except (BadDataset, RecordingFailed):
+    except (BadDataset, BadTable, RecordingFailed):  # BadTable: the output is not to be replaced
         raise
     except (
         pa.ArrowException, BadFile, BadRecording, BadSource, KeyError, OSError, TypeError,

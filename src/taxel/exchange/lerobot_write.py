@@ -54,6 +54,8 @@ class Written:
     """Images within episodes that no frame has."""
     drift_s: float = 0.0
     """Largest difference between frame / fps and when a frame was taken, seconds."""
+    recordings_left_out: list[str] = field(default_factory=list)
+    """Recordings without an episode: no scan, no image of some camera, or no mark to cut at."""
     truth: tuple[str, ...] = ()
     """Channels that are a simulator's ground truth: they are under truth, not observation."""
 
@@ -95,8 +97,11 @@ def write_lerobot(
         try:
             for done, path in enumerate(paths, 1):
                 writer.check(path)
+                before = writer.written.frames
                 for episode in episodes_of(path, rhythm, cut):
                     writer.add(episode)
+                if writer.written.frames == before:
+                    writer.written.recordings_left_out.append(path.name)
                 progress(done, len(paths))
         finally:
             writer.close_data()

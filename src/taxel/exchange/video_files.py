@@ -55,7 +55,7 @@ def write_videos(
         progress: Called with recordings done and in all.
 
     Returns:
-        File → frames.
+        File → frames; a video without frames is not written.
 
     Raises:
         BadDataset: A recording has no cameras of JPEG, or a frame that is not of its camera's size.

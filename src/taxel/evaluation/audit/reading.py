@@ -323,9 +323,8 @@ def _assemble(
                 cut.append((read, trial, inside))
     _refuse_short(len(cut), len(short), least, kind)
     trials = [trial for _, trial, _ in cut]
-    target, notes = _target(trials, target)
+    target, notes = _target(trials, target, _notes_on_lengths(reads, len(short), least, kind))
     labelled = np.flatnonzero([target in trial.labels for trial in trials])
-    notes += _notes_on_lengths(reads, len(short), least, kind)
     if lacking := len(trials) - len(labelled):
         notes += (f"{number_of(lacking, 'trial')} without the label {target!r}: left out",)
     whole = TouchSet(
@@ -383,18 +382,19 @@ def _notes_on_lengths(reads: Sequence[_Read], short: int, least: int, kind: str)
     return notes
 
 
-def _target(trials: list[Trial], wanted: str | None) -> tuple[str, tuple[str, ...]]:
+def _target(
+    trials: list[Trial], wanted: str | None, lengths: tuple[str, ...]
+) -> tuple[str, tuple[str, ...]]:
     known = {name: {t.labels[name] for t in trials if name in t.labels}
              for name in sorted({name for trial in trials for name in trial.labels})}  # fmt: skip
+    labels = f"the labels {', '.join(known) or 'none'}"
     if wanted is not None:
         if wanted not in known:
-            raise BadDataset(f"the label {wanted!r}", f"the labels {', '.join(known) or 'none'}",
-                             "name one of those with --target")  # fmt: skip
-        return wanted, ()
+            raise BadDataset(f"the label {wanted!r}", labels, "name one of those with --target")
+        return wanted, lengths
     usable = [name for name, values in known.items() if len(values) > 1]
     if not usable:
-        raise BadDataset("a label with at least two classes",
-                         f"the labels {', '.join(known) or 'none'}",
+        raise BadDataset("a label with at least two classes", "; ".join((labels, *lengths)),
                          "label the recordings, or name another folder")  # fmt: skip
     others = f"audited for {usable[0]!r}; other labels: {', '.join(usable[1:])} (--target)"
-    return usable[0], (others,) if len(usable) > 1 else ()
+    return usable[0], ((others,) if len(usable) > 1 else ()) + lengths

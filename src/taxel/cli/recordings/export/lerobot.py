@@ -11,7 +11,7 @@ import tyro
 from taxel.cli.printing import counted, print_json, say
 from taxel.cli.recordings.export.need import depth_cameras, depth_line, need_packages
 from taxel.errors import BadInput
-from taxel.plain_text import number_of
+from taxel.plain_text import number_of, visible
 from taxel.recordings.reader import list_recordings
 
 
@@ -81,6 +81,12 @@ class Lerobot:
             say(f"ground truth of the simulator, under truth and not observation: {channels}")
         if left_out:
             say(depth_line(left_out))
+        if names := written.recordings_left_out:
+            lack = (
+                "labelled interval" if self.episodes == "mark" else "scan, or no image of a camera"
+            )
+            some = ", ".join(map(visible, names[:6])) + (" …" if names[6:] else "")
+            say(f"left out {number_of(len(names), 'recording')} with no {lack}: {some}")
         if written.scans_left_out:
             say(f"{number_of(written.scans_left_out, 'scan')} in no window; give more with --rows")
         if written.images_left_out:

@@ -49,6 +49,9 @@ class Video:
             print_json({"output": str(self.output), "videos": found, "left_out": left_out})
             return
         for name, count in found.items():
-            say(f"{self.output / name}: {number_of(count, 'frame')}")
+            frames = (
+                number_of(count, "frame") if count else "not written, as the camera gave no image"
+            )
+            say(f"{self.output / name}: {frames}")
         if left_out:
             say(depth_line(left_out))

@@ -1,0 +1,63 @@
+"""Claims about what an export leaves out, and what an import does not replace: it is named."""
+
+from pathlib import Path
+
+import pytest
+
+from taxel.cli.main import main
+from taxel.errors import BadTable
+from taxel.recordings.reader import iterate_frames, read_recording
+from taxel.recordings.writer import Recorder
+
+pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed (taxel[export])")
+
+
+@pytest.fixture
+def folder(make, tmp_path) -> Path:
+    """Two recordings of two cameras; in the second one, only the left camera gave images."""
+    whole = tmp_path / "recordings" / "whole.mcap"
+    whole.parent.mkdir()
+    make(whole, array=False)
+    with Recorder(whole.with_name("half.mcap"), read_recording(whole).manifest) as recorder:
+        for frame in iterate_frames(whole, 0):
+            recorder.frame(frame)
+    return whole.parent
+
+
+@pytest.mark.parametrize(
+    ("cut", "lack"),
+    [("recording", "scan, or no image of a camera"), ("mark", "labelled interval")],
+)
+def test_a_recording_that_gives_no_episode_is_named(cut, lack, folder, tmp_path, capsys):
+    """A data set must not lack a recording that its folder held, without a word."""
+    command = ["export", "lerobot", str(folder), "--output", str(tmp_path / "set")]
+    main([*command, "--episodes", cut])
+    assert f"left out 1 recording with no {lack}: half.mcap" in capsys.readouterr().out
+
+
+def test_a_camera_without_images_has_no_video_and_the_line_says_so(folder, tmp_path, capsys):
+    """A name that is printed with "0 frames" would be looked for."""
+    pytest.importorskip("av")
+    main(["export", "video", str(folder), "--output", str(tmp_path / "videos")])
+    lines = capsys.readouterr().out.splitlines()
+    missing = tmp_path / "videos" / "half.right.mkv"
+    assert f"{missing}: not written, as the camera gave no image" in lines
+    assert not missing.exists()
+
+
+@pytest.mark.parametrize(
+    ("overwrite", "message"),
+    [(False, "which is not empty; choose another --output"), (True, "with notes.txt; move")],
+)
+def test_a_folder_in_the_way_of_an_import_is_not_called_a_damaged_data_set(
+    overwrite, message, folder, tmp_path
+):
+    """The data set is whole: nobody is to copy it again."""
+    from taxel.exchange.lerobot_read import import_lerobot
+
+    main(["export", "lerobot", str(folder), "--output", str(tmp_path / "set")])
+    (tmp_path / "back").mkdir()
+    (tmp_path / "back" / "notes.txt").write_text("mine")
+    with pytest.raises(BadTable, match=message):
+        import_lerobot(tmp_path / "set", tmp_path / "back", overwrite=overwrite)
+    assert [path.name for path in (tmp_path / "back").iterdir()] == ["notes.txt"]
