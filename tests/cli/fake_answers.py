@@ -26,6 +26,8 @@ FAKED = {
 CALLED = {"open_way", "show", "on_tick"}
 """Functions that a verb hands on to be called, and that use its options."""
 FAKED_VERB_PARTS = {
+    "taxel.cli.evaluation.evaluate_trials.AlarmStudy",
+    "taxel.cli.evaluation.evaluate_trials._scores",
     "taxel.cli.training.train_recipe.warning",
     "taxel.cli.training.train_monitor._check",
     "taxel.cli.recordings.view.show",

@@ -97,7 +97,7 @@ LINES: dict[str, tuple[str, ...]] = {
         "train-encoder d --output w.safetensors --json",
     ),
     "train-trials": ("train-trials d --output out", "train-trials d --output out --no-check"),
-    "evaluate-trials": ("evaluate-trials d",),
+    "evaluate-trials": ("evaluate-trials d", "evaluate-trials trial.taxel s"),
     "learning-curve": ("learning-curve d", "learning-curve d --split order:trial:3"),
     "evaluate": (
         "evaluate d",
