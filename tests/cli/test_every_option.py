@@ -32,7 +32,14 @@ MOST_OPTIONS = 20
 
 PLACES = ("folder", "d", "run", "r", "s", "g")
 """Folders that the lines name."""
-FILES = ("b.taxel", "trial.taxel", "a.mcap", "k", "fw/teng_daq/teng_daq.ino", "run/weights-0.safetensors")
+FILES = (
+    "b.taxel",
+    "trial.taxel",
+    "a.mcap",
+    "k",
+    "fw/teng_daq/teng_daq.ino",
+    "run/weights-0.safetensors",
+)
 """Files that they name."""
 VALUES = {
     "split": "group:object",
