@@ -9,16 +9,14 @@ Background of our choices: docs/decisions/0041.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from taxel.bundles.trials import TrialBundle, TrialContract
 from taxel.decisions.trial_course import TrialCourse
-from taxel.jobs.running import as_done
 from taxel.live.trial_watch import VerdictSoFar, predict_crop, verdict_config
-from taxel.live.whole_trials import check_trials, open_unchanged
+from taxel.live.whole_trials import open_unchanged, share_out
 from taxel.windows.camera_trials import CameraTrial, check_unchanged
 
 
@@ -40,14 +38,7 @@ def watch_side_by_side(
         BadBundle: The bundle was not made for such cameras, or is another by now.
         BadTable: A video cannot be read.
     """
-    check_trials(contract, trials)
-    path, digest = file
-    jobs = [(path.absolute(), digest, replace(trial, slip_um=None)) for trial in trials]
-    courses: dict[int, TrialCourse] = {}
-    for number, course in as_done(_watch, jobs, names=[trial.name for trial in trials]):
-        courses[number] = course
-        on_trial(len(courses), len(trials))
-    return [courses[number] for number in range(len(trials))]
+    return share_out(_watch, contract, file, trials, on_trial)
 
 
 def _watch(file: Path, digest: str, trial: CameraTrial) -> TrialCourse:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from taxel.jobs.running import as_done, shared_out
 from taxel.live.trial_watch import predict_crop, verdict_config
 from taxel.windows.camera_trials import CameraTrial, check_unchanged
 from taxel.windows.trial_stretch import changes_of, part_of
+
+Result = TypeVar("Result")
 
 
 def predict_side_by_side(
@@ -48,14 +51,38 @@ def predict_side_by_side(
             found.append(verdict)
             on_trial(len(found), len(trials))
         return found
-    check_trials(bundle.contract, trials)
+    return share_out(_predict, bundle.contract, file, trials, on_trial)
+
+
+def share_out(
+    look: Callable[[Path, str, CameraTrial], Result],
+    contract: TrialContract,
+    file: tuple[Path, str],
+    trials: Sequence[CameraTrial],
+    on_trial: Callable[[int, int], None],
+) -> list[Result]:
+    """Return what a look at each trial gives, in their order; several at a time where an engine is
+    in use.
+
+    Args:
+        look: From a bundle's file, its SHA-256 and a trial; a job for any worker.
+        contract: Of the bundle.
+        file: Where it lies, for other processes, and the file's SHA-256, hexadecimal.
+        trials: Each is read once.
+        on_trial: Called with trials done and in all.
+
+    Raises:
+        BadBundle: The bundle was not made for such cameras, or is another by now.
+        BadTable: A video cannot be read.
+    """
+    check_trials(contract, trials)
     path, digest = file
     jobs = [(path.absolute(), digest, replace(trial, slip_um=None)) for trial in trials]
-    verdicts: dict[int, Verdict] = {}
-    for number, verdict in as_done(_predict, jobs, names=[trial.name for trial in trials]):
-        verdicts[number] = verdict
-        on_trial(len(verdicts), len(trials))
-    return [verdicts[number] for number in range(len(trials))]
+    found: dict[int, Result] = {}
+    for number, result in as_done(look, jobs, names=[trial.name for trial in trials]):
+        found[number] = result
+        on_trial(len(found), len(trials))
+    return [found[number] for number in range(len(trials))]
 
 
 def _predict(file: Path, digest: str, trial: CameraTrial) -> Verdict:
