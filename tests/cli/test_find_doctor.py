@@ -86,6 +86,22 @@ def test_addresses_open_each_device_and_all_together():
     assert parse_cameras(name, {}).paths == (LEFT.by_id, "/dev/video2")
 
 
+def test_a_board_may_be_the_hand_s_and_the_line_below_the_addresses_names_what_opens_it(
+    monkeypatch, capsys
+):
+    """No port is opened, so the hand's Mega looks like a sensor board; cameras need no line."""
+    monkeypatch.setattr(find, "find_cameras", list)
+    monkeypatch.setattr(find, "find_boards", lambda: ([BOARD, OTHER], []))
+    main(["find"])
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert "leave it out and open it with hand://PATH" in last
+
+    monkeypatch.setattr(find, "find_boards", lambda: ([], []))
+    monkeypatch.setattr(find, "find_cameras", lambda: [LEFT])
+    main(["find"])
+    assert "hand://" not in capsys.readouterr().out
+
+
 def test_cameras_without_a_common_size_are_not_joined():
     small = FoundCamera(path="/dev/video6", offers=(Offer("MJPG", 320, 240, ()),))
 

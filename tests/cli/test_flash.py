@@ -68,6 +68,19 @@ def test_arduino_cli_builds_writes_and_the_board_says_hello(
     assert f"[--port] [{path}]" in uploaded
 
 
+def test_after_the_hand_s_firmware_the_next_command_opens_a_hand(
+    tools: Tools, sketches: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tools("arduino-cli")
+    path = tmp_path / "by-id-board"
+    hand = RunningBoard(EmulatedBoard(board=3, board_id="HAND", channels=0), path)
+    hand.pause()  # it sends no scans
+    with hand:
+        main(["flash", "mega", "hand_control", "--port", str(path), "--firmware", str(sketches)])
+
+    assert capsys.readouterr().out.splitlines()[-1] == f"next:  taxel hand status 'hand://{path}'"
+
+
 def test_avrdude_writes_a_built_file(
     tools: Tools, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -16,6 +16,11 @@ if TYPE_CHECKING:
 
 _NEAR_PX = 640 * 480
 """A size that several cameras share is chosen near this one, pixels."""
+_MOTORS = (
+    "serial:// is for sensor boards. A closed port does not show what its board runs: if it is the "
+    "hand's, leave it out and open it with hand://PATH; a gripper's adapter opens with pge://PATH"
+)
+"""Printed below addresses of boards: a hand's board has the USB name of a sensor board."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +59,8 @@ class Find:
             say("ready to use, for example: taxel view ADDRESS")
             for address in addresses:
                 say(f"  {command(address)}")
+        if boards:
+            say(_MOTORS)
 
 
 def find_boards() -> tuple[list[dict[str, Any]], list[str]]:

@@ -161,7 +161,8 @@ class Flash:
             f"{port}: board {hello.board}, {hello.board_id or 'no name'}, runs firmware "
             f"{_dotted(hello.firmware)}: {does}reference {hello.reference_mv} mV"
         )
-        say(f"next:  taxel view 'serial://{port}'" if hello.channels else "next:  taxel find")
+        say(f"next:  taxel view 'serial://{port}'" if hello.channels
+            else f"next:  taxel hand status 'hand://{port}'")  # fmt: skip
 
 
 def check_port(path: str, baud: int) -> None:
