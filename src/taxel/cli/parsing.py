@@ -118,7 +118,24 @@ def _parts(box: str) -> list[list[str]]:
 
 
 def _missing(lines: list[str]) -> str:
-    """Return the names of what is missing: they stand four columns further than their heading."""
+    """Return what is missing: options and choices by name, the rest with its help's beginning.
+
+    Names stand four columns further than their heading, and their help further than they.
+    """
     margin = len(lines[0]) - len(lines[0].lstrip()) + 4
-    names = (line for line in lines if len(line) - len(line.lstrip()) == margin)
-    return " and ".join(line.strip() for line in names)
+    found: list[tuple[str, list[str]]] = []
+    for line in lines[1:]:
+        if len(line) - len(line.lstrip()) == margin:
+            found.append((line.strip(), []))
+        elif found:
+            found[-1][1].append(line.strip())
+    return " and ".join(
+        name if name.startswith(("--", "{")) else f"{name} ({_beginning(' '.join(words))})"
+        for name, words in found
+    )
+
+
+def _beginning(words: str) -> str:
+    """Return what a help says first, up to a full stop, semicolon or colon."""
+    first = re.split(r"[.;:] | \(required\)|\.?$", words, maxsplit=1)[0]
+    return re.sub(r"^(A|An|The) ", lambda article: article[0].lower(), first)

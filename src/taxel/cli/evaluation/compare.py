@@ -24,7 +24,7 @@ class Compare:
     first: tyro.conf.Positional[Path]
     """A run's folder."""
     second: tyro.conf.Positional[Path]
-    """Another; differences are second minus first."""
+    """Another run's folder; differences are second minus first."""
     group: str | None = None
     """Groups compared as wholes: session, object, grasp, file …; sessions if there are any."""
     folds: Path | None = None
