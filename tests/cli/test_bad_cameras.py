@@ -268,3 +268,31 @@ def test_a_monitor_says_how_a_folder_of_videos_becomes_recordings(
     printed = " ".join(capsys.readouterr().err.split())
     assert "images or videos alone" in printed
     assert line.format(path=tmp_path) in printed
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "info {0}", "view {0}/cup/a.mp4", "train {0}", "import {0} --output out",
+        "import {0}/cup/a.mp4 --output out",
+    ],
+)  # fmt: skip
+def test_videos_in_place_of_recordings_or_a_table_are_answered_with_the_table_to_write(
+    words: str, tmp_path: Path, refused: Callable[[list[str]], str]
+) -> None:
+    """Not with the pattern for arrays, nor with a text in a wrong encoding."""
+    (tmp_path / "videos" / "cup").mkdir(parents=True)
+    (tmp_path / "videos" / "cup" / "a.mp4").write_bytes(b"\0\0\0 ftypisom\xa9" + bytes(90))
+
+    line = refused(words.format(tmp_path / "videos").split())
+
+    assert "name them in a table trials.csv: first line camera:NAME,label:NAME" in line
+
+
+def test_a_pattern_in_a_table_of_videos_is_answered_with_a_row_for_each_trial(
+    tmp_path: Path, refused: Callable[[list[str]], str]
+) -> None:
+    table = tmp_path / "trials.csv"
+    table.write_text("camera:top,label:object\n{label:object}/*.mp4,\n")
+    line = refused(["train-trials", str(table)])
+    assert "line 2; write a row for each trial: in tables of videos no cell stands for" in line

@@ -266,6 +266,8 @@ def list_recordings(path: Path | str) -> list[Path]:
 
 def _instead(folder: Path) -> str:
     """Return what to do with a folder without recordings."""
+    from taxel.recordings.imports.video_rows import IMPORT_THEM, is_footage
+
     tables = sorted([*folder.glob("*.csv"), *folder.glob("*.tsv")])
     of_videos = [path for path in tables if _of_videos(path)]
     if table := _the_table(of_videos):
@@ -276,6 +278,8 @@ def _instead(folder: Path) -> str:
         )
     if not of_videos and (table := _the_table(tables)):
         return f"if {table} describes its files: taxel import {table} --output RECORDINGS"
+    if not tables and is_footage(folder):
+        return f"for its videos or images, {IMPORT_THEM}"
     return "make some with: taxel simulate, taxel record or taxel import"
 
 

@@ -145,6 +145,10 @@ def _records(file: BinaryIO, path: Path) -> Iterator[Record]:
     size = file.seek(0, io.SEEK_END)
     file.seek(0)
     if file.read(len(MAGIC)) != MAGIC:
+        from taxel.recordings.imports.video_rows import IMPORT_THEM, is_footage
+
+        if is_footage(path):
+            raise BadRecording("a recording (MCAP)", f"{path}, one video or image", IMPORT_THEM)
         raise BadRecording(
             "a recording (MCAP)", f"{path}, which is not one", "import tables with: taxel import"
         )

@@ -20,10 +20,18 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset, BadTable
 from taxel.frame_codec import encode_jpeg
 from taxel.plain_text import visible_names
-from taxel.recordings.imports.footage import IMAGES, VIDEOS, open_footage
+from taxel.recordings.imports.footage import open_footage
 from taxel.recordings.imports.known import KNOWN_VIDEOS
 from taxel.recordings.imports.value_tables.table_columns import read_cells
-from taxel.recordings.imports.video_rows import VideoRow, names_videos, read_video_rows
+from taxel.recordings.imports.video_rows import (
+    IMAGES,
+    IMPORT_THEM,
+    NAME_THEM,
+    VIDEOS,
+    VideoRow,
+    names_videos,
+    read_video_rows,
+)
 from taxel.recordings.imports.videos import QUALITY, naming, same_length, same_rate
 from taxel.recordings.reader import list_recordings, read_manifest
 from taxel.signals import CameraInfo
@@ -227,12 +235,6 @@ def are_camera_trials(path: Path) -> bool:
         return False
 
 
-_NAME_THEM = (
-    "name them in a table trials.csv: first line camera:NAME,label:NAME, then a line for each "
-    "trial with its video, image or folder, and its label"
-)
-
-
 def refuse_footage(path: Path, *, imported: bool = False) -> None:
     """Refuse a video, an image or a folder of them where trials belong: a table names them.
 
@@ -266,12 +268,11 @@ def refuse_footage(path: Path, *, imported: bool = False) -> None:
         mend = f"import it: taxel import {public} --data {path} --output recordings"
         raise BadTable("a recording (MCAP)", f"{path}, {what}", mend)
     if imported:
-        mend = f"{_NAME_THEM}, and import it: taxel import trials.csv --output recordings"
-        raise BadTable("a recording (MCAP)", f"{path}, {what}", mend)
+        raise BadTable("a recording (MCAP)", f"{path}, {what}", IMPORT_THEM)
     if not public:
         raise BadTable(
             "a table of camera trials (CSV), or a recording (MCAP) or a folder of them",
-            f"{path}, {what}", f"{_NAME_THEM}; it works in place, as taxel live BUNDLE trials.csv",
+            f"{path}, {what}", f"{NAME_THEM}; it works in place, as taxel live BUNDLE trials.csv",
         )  # fmt: skip
 
 

@@ -29,16 +29,12 @@ from taxel.jpeg_head import EIGHT_BITS, check_size
 from taxel.plain_text import number_of
 from taxel.raster_head import is_raster
 from taxel.recordings.imports.frame_arrays import ENDING, FrameArray, file_digest
-from taxel.recordings.imports.video_rows import CAMERA_FILE, no_file
+from taxel.recordings.imports.video_rows import CAMERA_FILE, IMAGES, no_file
 
 LARGEST_SIDE = 8192
 """Pixels; beyond it a frame alone takes 200 MB. Source: our choice."""
 LARGEST_IMAGE = 64 * MIB
 """Bytes of an image's file. Source: our choice."""
-IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-"""Endings of images: those of a folder, or one that is a trial by itself."""
-VIDEOS = (".avi", ".mp4", ".m4v", ".mov", ".mkv", ".webm", ".mpg", ".mpeg")
-"""Endings by which a video is known where a table or a recording belongs."""
 NO_RATE_HZ = 25.0
 """Frames a second of images without a clock, unless the table says: a GelSight Mini's nominal
 rate. Source: our choice, docs/decisions/0041."""

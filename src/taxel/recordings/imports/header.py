@@ -16,6 +16,7 @@ from taxel.foreign.wav_file import WAV_ENDING, read_wav_head
 from taxel.plain_text import number_of, visible
 from taxel.recordings.imports.own_groups import refuse_own_groups
 from taxel.recordings.imports.value_tables.table_columns import read_cells
+from taxel.recordings.imports.video_rows import IMAGES, NAME_THEM, VIDEOS, is_footage
 
 PLAIN_COLUMNS = (
     "file", "trials", "axes", "length", "pieces", "channels", "time", "layout", "sensor",
@@ -37,10 +38,14 @@ def table_cells(path: Path) -> list[list[str]]:
         BadTable: It is empty, cannot be read, or its ending is that of data.
     """
     if path.is_dir():
+        if is_footage(path) and not list(path.glob("*.csv")):
+            raise BadTable(_A_TABLE, f"the folder {path}", f"for videos or images, {NAME_THEM}")
         raise BadTable(
             _A_TABLE, f"the folder {path}", "write a table that names its files; one line is "
             "enough where their names are alike: {label:object}_*.csv",
         )  # fmt: skip
+    if path.name.lower().endswith((*IMAGES, *VIDEOS)) and path.is_file():
+        raise BadTable(_A_TABLE, f"{path}, one video or image", NAME_THEM)
     if path.name.lower().endswith(_NO_TABLES) and path.is_file():
         holds, mend = _holds(path)
         raise BadTable(_A_TABLE, f"{path}, which {holds}", mend)

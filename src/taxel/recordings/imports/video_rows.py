@@ -28,6 +28,18 @@ SIDES = ("train", "validation", TEST)
 """What the column `split` may hold."""
 CAMERA_FILE = "a video, an image or a folder of images for each camera"
 """What a camera's cell names, in messages."""
+IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+"""Endings of images: those of a folder, or one that is a trial by itself."""
+VIDEOS = (".avi", ".mp4", ".m4v", ".mov", ".mkv", ".webm", ".mpg", ".mpeg")
+"""Endings by which a video is known where a table or a recording belongs."""
+NAME_THEM = (
+    "name them in a table trials.csv: first line camera:NAME,label:NAME, then a line for each "
+    "trial with its video, image or folder, and its label"
+)
+"""What to do with videos and images that no table names yet, in messages."""
+IMPORT_THEM = f"{NAME_THEM}, and import it: taxel import trials.csv --output recordings"
+"""The same where only recordings are of use."""
+_EACH_ROW = "write a row for each trial: in tables of videos no cell stands for several files"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,6 +159,14 @@ def _check_columns(table: Path, columns: Sequence[str]) -> None:
         )
 
 
+def is_footage(path: Path) -> bool:
+    """Return whether a file is a video or an image, or a folder or its folders hold some."""
+    return any(
+        file.suffix.lower() in (*IMAGES, *VIDEOS)
+        for file in (path, *path.glob("*"), *path.glob("*/*"))
+    )
+
+
 def no_file(path: Path, where: str = "") -> BadTable:
     """Return what is said of a camera's file that is not there.
 
@@ -156,7 +176,7 @@ def no_file(path: Path, where: str = "") -> BadTable:
     """
     mend = "check the path"
     if any(sign in path.name for sign in "{*"):
-        mend = "write a row for each trial: in tables of videos no cell stands for several files"
+        mend = _EACH_ROW
     elif Path(str(path).replace("\\", "/")).exists():
         mend = "write / where the path has \\"
     return BadTable(CAMERA_FILE, f"no file {path}{where}", mend)
@@ -180,7 +200,9 @@ def _row(
         )  # fmt: skip
     empty = [name for name, cell in line.items() if ":" in name and not cell]
     if empty:
-        raise BadTable(f"something in the column {empty[0]!r}", f"nothing in {where}", "fill it in")
+        pattern = any(sign in cell for cell in cameras.values() for sign in "{*")
+        mend = _EACH_ROW if pattern else "fill it in"
+        raise BadTable(f"something in the column {empty[0]!r}", f"nothing in {where}", mend)
     files = {
         name: file_of(cell, data_dir, where, outside=outside) for name, cell in cameras.items()
     }
