@@ -107,6 +107,23 @@ def test_a_file_of_arrays_in_the_tables_place_is_named_with_what_it_holds(
     assert "a file of arrays: X (4 × 5 × 3 float32), y (4 int64); write a table" in line
 
 
+def test_a_label_that_is_an_attribute_of_hdf5_groups_is_answered_with_its_spelling(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
+) -> None:
+    """The list of arrays holds no attributes."""
+    monkeypatch.chdir(tmp_path)
+    with h5py.File("pad.h5", "w") as file:
+        file["trial_1/force"] = np.zeros((5, 3), "f4")
+        file["trial_1"].attrs["object"] = "cup"
+    line = "pad.h5,trial_*/force,rows channels,from:object,*[N],rate:100Hz\n"
+    Path("table.csv").write_text(f"file,trials,axes,label:object,channels,time\n{line}")
+
+    line = refused(["import", "table.csv", "--output", "out"])
+
+    assert "got 'object', where pad.h5 holds trial_1/force (5 × 3 float32);" in line
+    assert "write GROUP@NAME, as in from:trial_*@object" in line
+
+
 def test_a_file_of_matlab_4_is_listed_and_imported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused, capsys: Any
 ) -> None:

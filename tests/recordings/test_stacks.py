@@ -230,6 +230,8 @@ def test_time_is_a_rate_a_channel_or_an_array_of_its_own(tmp_path):
     for path in list_recordings(tmp_path / "out"):
         path.unlink()
     (tmp_path / "out").rmdir()
+    words = refusal(tmp_path, "a.npz,X,trials rows channels,from:y,1,*[N],pad_*/t[ms]")
+    assert "line 2, column 'time'; write from: in front of it if arrays have that name" in words
     assert "a time for each of 9 rows" in refusal(tmp_path, f"a.npz,X,,from:y,1,{OWN},from:y[ms]")
     np.savez(tmp_path / "a.npz", X=X, y=OBJECTS, t=np.zeros((6, 9)))
     assert "times that increase" in refusal(tmp_path, f"a.npz,X,,from:y,1,{OWN},from:t[ms]")

@@ -185,11 +185,14 @@ class OpenedFile:
                 self.last[name] = held
             return self.last[name]
         except KeyError as error:
-            alone = self.path.name.lower().endswith(".npy")
+            ending, more = self.path.suffix.lower(), ""
+            if ending == ".npy":
+                more = f", as in from:{name}.npy for an array of another file"
+            elif ending in (".h5", ".hdf5"):
+                more = "; attributes are not listed: write GROUP@NAME, as in from:trial_*@object"
             raise BadTable(
                 "the name of an array", f"{name!r}, where {self.path} holds "
-                f"{table_of(self.opened())}", "correct the table"
-                + (f", as in from:{name}.npy for an array of another file" if alone else ""),
+                f"{table_of(self.opened())}", f"correct the table{more}",
             ) from error  # fmt: skip
         except BadFile as error:
             raise self._refused(error) from error

@@ -52,7 +52,11 @@ def take_channels(
     """
     places = {name: place for place, name in enumerate(names_in_file)}
     if time and time not in places:
-        raise _no_channels([time], names_in_file, where)
+        raise BadTable(
+            f"a channel that holds time ({_range(names_in_file)}), or from: and an array of times",
+            f"{time[:80]!r} in {where}, column 'time'",
+            "write from: in front of it if arrays have that name, or a rate, as in rate:100Hz",
+        )
     time_place = places.get(time) if time else None
     rest = [place for place in range(len(names_in_file)) if place != time_place]
     names = [column.name for column in columns]
@@ -70,9 +74,12 @@ def take_channels(
 
 
 def _no_channels(odd: Sequence[str], own: Sequence[str], where: str) -> BadTable:
-    shown = f"{own[0]} to {own[-1]}" if len(own) > 1 else own[0]
     return BadTable(
-        f"channels by what the array calls them, {shown}, or {number_of(len(own), 'name')} of "
-        "your own",
+        f"channels by what the array calls them, {_range(own)}, or "
+        f"{number_of(len(own), 'name')} of your own",
         f"{odd[0][:80]!r} in {where}", f"correct it, or write {ALL}[UNIT] for all of them",
     )  # fmt: skip
+
+
+def _range(own: Sequence[str]) -> str:
+    return f"{own[0]} to {own[-1]}" if len(own) > 1 else own[0]
