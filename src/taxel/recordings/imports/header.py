@@ -42,7 +42,7 @@ def table_cells(path: Path) -> list[list[str]]:
             raise BadTable(_A_TABLE, f"the folder {path}", f"for videos or images, {NAME_THEM}")
         raise BadTable(
             _A_TABLE, f"the folder {path}", "write a table that names its files; one line is "
-            "enough where their names are alike: {label:object}_*.csv",
+            "enough where names or folders are alike: {label:object}_*.csv, {label:object}/*.csv",
         )  # fmt: skip
     if path.name.lower().endswith((*IMAGES, *VIDEOS)) and path.is_file():
         raise BadTable(_A_TABLE, f"{path}, one video or image", NAME_THEM)
