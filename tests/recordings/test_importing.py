@@ -133,6 +133,25 @@ def test_a_file_of_data_in_the_tables_place_is_called_one(folder, name):
         import_table(folder, folder / "out")
 
 
+@pytest.mark.parametrize(
+    ("table", "mend"),
+    [
+        ("file,label,channels,time\na.csv,cup,*[V],t[ms]\n", "got 'label' .* as in label:object"),
+        ("file,group,channels,time\na.csv,1,*[V],t[ms]\n", "got 'group' .* as in group:session"),
+        ("file,channels,time\na.csv,x[V],y[V],t[ms]\n", "got 4 .*; put blanks, not commas"),
+        ("file,channels,time\na.csv,x[V],y[V],rate:9Hz\n", "got 4 .*; put blanks, not commas"),
+        ("file,label:object,channels,time\na.csv,cup,big,x[V],t[ms]\n", "got 5 .*; mend the line"),
+        ("file,label:object\na.csv,cup\n", r"write a column channels, as a\[N\] b\[N\]"),
+        ("file,channels,time\nin/a.csv,*[V],t[ms]\n", "check the path, which is relative to the"),
+    ],
+)
+def test_first_tables_of_somebody_new_are_answered_with_what_to_write(folder, table, mend):
+    (folder / "table.csv").write_text(table)
+    with pytest.raises(BadTable, match=mend):
+        import_table(folder / "table.csv", folder / "out")
+    assert not (folder / "out").exists()
+
+
 def test_the_command_line_says_the_same_in_one_line(folder, capsys):
     """It looks at the first line before, to see whether it names videos."""
     np.save(folder / "x.npy", np.zeros((3, 2)))

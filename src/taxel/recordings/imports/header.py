@@ -24,6 +24,7 @@ PLAIN_COLUMNS = (
 )  # fmt: skip
 """Columns of an import table beside label:NAME and group:NAME."""
 PREFIXES = ("label:", "group:")
+_EXAMPLES = {"label": "label:object", "group": "group:session"}
 _NO_TABLES = (".npy", ".npz", ".mat", ".mcap", ".xls", ".xlsx", ".parquet", ".h5", ".hdf5",
               WAV_ENDING)  # fmt: skip
 """Endings of files that people pass in the table's place; none is text."""
@@ -116,6 +117,8 @@ def check_header(path: Path, header: Sequence[str]) -> None:
             f"{_quoted(odd[0])} in {path}, line 1",
             "write scans a second in the column time, as rate:100Hz"
             if name.split(":")[0] == "rate"
+            else f"write behind it what it is, as in {_EXAMPLES[name]}"
+            if name in _EXAMPLES
             else f"call it label:{name} or group:{name} if it is one of them, or remove it",
         )
     if "file" not in header or len(set(header)) < len(header):

@@ -22,7 +22,7 @@ from taxel.recordings.imports.lying_texts import lies
 from taxel.recordings.imports.row_labels import columns_by_row
 from taxel.recordings.imports.stacks.members import STAR
 from taxel.recordings.imports.stacks.trials import ArrayTrials, StackWords
-from taxel.recordings.imports.table_files import file_of
+from taxel.recordings.imports.table_files import NO_FILE, file_of
 from taxel.recordings.imports.trial_lines import LineTrials
 from taxel.recordings.imports.trial_runs import TextTrials
 from taxel.recordings.imports.trial_sets import (
@@ -119,7 +119,7 @@ def trials_of(
         BadTable: The file is not there, or is not what the row says.
     """
     if not file_behind(file).is_file():
-        raise BadTable("a file to import", f"{file}, which is not there", "check the path")
+        raise BadTable("a file to import", f"{file}, which is not there", NO_FILE)
     row = _Row(named, data_dir, where, outside)
     references = {name: ref for name, cell in named.items()
                   if _may_refer(name) and (ref := Reference.of(cell))}  # fmt: skip

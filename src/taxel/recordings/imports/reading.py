@@ -23,6 +23,7 @@ from taxel.recordings.imports.pieces import cut
 from taxel.recordings.imports.row_labels import marks_by_row
 from taxel.recordings.imports.rows import ImportRow
 from taxel.recordings.imports.scan_blocks import lines_in_scan, read_blocks
+from taxel.recordings.imports.table_files import NO_FILE
 from taxel.recordings.imports.trial_runs import TextTrials
 from taxel.recordings.imports.trial_sets import Padding
 from taxel.recordings.imports.value_tables import tables
@@ -73,7 +74,7 @@ def reader_of(
 
     def content() -> Content:
         if not file_behind(row.file).is_file():
-            raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
+            raise BadTable("a file to import", f"{row.file}, which is not there", NO_FILE)
         table, padding = read()
         values, marked = without_marked(table.values, row.missing, table.dtype)
         table = replace(table, values=values)

@@ -126,6 +126,12 @@ def read_rows(
 def _cells(path: Path, number: int, header: Sequence[str], cells: Sequence[str]) -> dict[str, str]:
     """Return a row's cells by their columns, those that must be there filled in."""
     where = f"{path}, line {number}"
+    units = sum(cell.rstrip().endswith("]") for cell in cells)
+    if len(cells) > len(header) and units > 2 - any("rate:" in cell for cell in cells):
+        raise BadTable(
+            number_of(len(header), "cell"), f"{len(cells)} in {where}",
+            "put blanks, not commas, between the channels of a line",
+        )  # fmt: skip
     named = by_column(header, cells, where)
     if not named["file"]:
         raise _nothing_in("file", where)

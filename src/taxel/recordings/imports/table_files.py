@@ -12,6 +12,9 @@ from pathlib import Path
 from taxel.errors import BadTable
 from taxel.foreign.sheets import file_behind, without_sheet
 
+NO_FILE = "check the path, which is relative to the table, or to --data FOLDER"
+"""What to do where a file that a table names is not there, in messages."""
+
 
 def file_of(cell: str, data_dir: Path, where: str, *, outside: bool = False) -> Path:
     """Return the file that a cell names.

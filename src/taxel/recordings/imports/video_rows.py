@@ -174,7 +174,7 @@ def no_file(path: Path, where: str = "") -> BadTable:
         path: The file.
         where: Behind it in the message: the line that names it.
     """
-    mend = "check the path"
+    mend = "check the path" + (", which is relative to the table" if where else "")
     if any(sign in path.name for sign in "{*"):
         mend = _EACH_ROW
     elif Path(str(path).replace("\\", "/")).exists():

@@ -158,7 +158,9 @@ def parse_columns(text: str, where: str) -> tuple[Column, ...]:
     names = [column.name for column in found]
     if not found or len(set(names)) < len(names):
         raise BadTable(
-            f"at least one channel, each once, in {where}", repr(text[:80]), "correct it"
+            f"at least one channel, each once, in {where}",
+            repr(text[:80]),
+            "correct it" if found else f"write a column channels, as a[N] b[N] or {ALL}[N]",
         )
     return tuple(found)
 
