@@ -95,6 +95,9 @@ def test_a_file_cut_short_is_refused(path: Path, size: int) -> None:
 def test_a_missing_bundle_says_how_to_write_one(tmp_path: Path) -> None:
     with pytest.raises(BadBundle, match="taxel bundle"):
         read_bundle(tmp_path / "none.taxel")
+    for name in ("slip-both-gels.taxel", "slip-both-gel"):
+        with pytest.raises(BadBundle, match=r"comes with taxel, write slip-both-gels"):
+            read_bundle(tmp_path / name)
 
 
 def test_a_full_disk_of_scratch_files_is_blamed_and_not_the_bundle(

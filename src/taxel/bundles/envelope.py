@@ -22,6 +22,7 @@ from typing import Any, BinaryIO, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.bundles.shipped import shipped_like
 from taxel.bundles.signing import Signer, Trust, check_signature
 from taxel.errors import BadBundle, BadFile
 from taxel.foreign.archives import FREE, array_of, read_members
@@ -223,6 +224,8 @@ def need_bundle(path: Path) -> None:
         is_run = (path / "run.json").exists()
         got = f"{path}, {'a run' if is_run else 'a folder'}"
         mend = f"taxel bundle {shlex.quote(str(path)) if is_run else 'RUN'} --output FILE"
+    elif name := shipped_like(path):
+        raise BadBundle("a bundle's file", got, f"for the one that comes with taxel, write {name}")
     raise BadBundle("a bundle's file", got, f"write one with: {mend}")
 
 

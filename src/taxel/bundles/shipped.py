@@ -5,6 +5,7 @@ Knows nothing about what they predict.
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from pathlib import Path
 
 from taxel.errors import BadBundle
@@ -52,6 +53,12 @@ def find_bundle(path: Path) -> Path:
     if bare and path.name in FORMER:
         raise _renamed(path.name)
     return ready if bare and ready.exists() else path
+
+
+def shipped_like(path: Path) -> str:
+    """Return the bare name of a bundle of taxel's that a name is close to; empty if none is."""
+    names = sorted(ready.stem for ready in _FOLDER.glob("*.taxel"))
+    return next(iter(get_close_matches(path.stem, names, n=1, cutoff=0.8)), "")
 
 
 def _renamed(name: str) -> BadBundle:
