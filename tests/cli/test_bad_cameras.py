@@ -296,3 +296,25 @@ def test_a_pattern_in_a_table_of_videos_is_answered_with_a_row_for_each_trial(
     table.write_text("camera:top,label:object\n{label:object}/*.mp4,\n")
     line = refused(["train-trials", str(table)])
     assert "line 2; write a row for each trial: in tables of videos no cell stands for" in line
+
+
+@pytest.mark.parametrize(
+    ("bundle", "mend"),
+    [
+        ("run", "got run, a run; name run/recogniser.taxel"),
+        ("none.taxel", "which is not there; name recogniser.taxel in a run of taxel train-trials"),
+        ("slip-both-gels.taxel", "which is not there; name slip-both-gels"),
+        ("more.csv", "got more.csv, which is no bundle, and trials.csv; leave one out"),
+    ],
+)
+def test_a_bundle_of_camera_trials_that_is_none_is_answered_with_the_file_to_name(
+    bundle: str, mend: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    refused: Callable[[list[str]], str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    Path("run").mkdir()
+    Path("run/recogniser.taxel").touch()
+    for name in ("trials.csv", "more.csv"):
+        Path(name).write_text("camera:top,label:object\na.mp4,cup\n")
+
+    assert mend in refused(["evaluate-trials", bundle, "trials.csv"])

@@ -90,9 +90,7 @@ class EvaluateTrials:
             raise BadInput("a bundle of camera trials", f"{self.trials}, a bundle of another kind",
                            f"run: {other}")  # fmt: skip
         if self.data is not None:
-            raise BadInput("one data set, or a bundle and a data set",
-                           f"{self.trials}, which is no bundle, and {self.data}",
-                           "leave one out")  # fmt: skip
+            raise self._no_bundle(self.data)
         from taxel.evaluation.camera_trials.contenders import contenders_for
         from taxel.evaluation.camera_trials.crossval import difference, judge_trials, rivals
         from taxel.views.tables.trial_notes import control_warnings
@@ -115,6 +113,19 @@ class EvaluateTrials:
         console.print(trial_tables(trials, split, results, differences, cut))
         for warning in control_warnings(results):
             say(f"warning: {warning}", style="yellow")
+
+    def _no_bundle(self, data: Path) -> BadInput:
+        """Return what is said of a first word that is no bundle, where a second one is given."""
+        from taxel.bundles.shipped import shipped_like
+
+        inside = self.trials / "recogniser.taxel"
+        if inside.is_file():
+            return BadInput("a bundle's file", f"{self.trials}, a run", f"name {inside}")
+        if not self.trials.exists():
+            name = shipped_like(self.trials) or "recogniser.taxel in a run of taxel train-trials"
+            return BadInput("a bundle's file", f"{self.trials}, which is not there", f"name {name}")
+        got = f"{self.trials}, which is no bundle, and {data}"
+        return BadInput("one data set, or a bundle and a data set", got, "leave one out")
 
     def _score_bundle(self) -> None:
         from taxel.bundles.trials import read_trial_bundle
