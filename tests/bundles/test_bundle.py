@@ -95,6 +95,10 @@ def test_a_file_cut_short_is_refused(path: Path, size: int) -> None:
 def test_a_missing_bundle_says_how_to_write_one(tmp_path: Path) -> None:
     with pytest.raises(BadBundle, match="taxel bundle"):
         read_bundle(tmp_path / "none.taxel")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "recogniser.taxel").touch()
+    with pytest.raises(BadBundle, match=r"got \S+run, a run; name \S+run/recogniser.taxel"):
+        read_bundle(tmp_path / "run")
     for name in ("slip-both-gels.taxel", "slip-both-gel"):
         with pytest.raises(BadBundle, match=r"comes with taxel, write slip-both-gels"):
             read_bundle(tmp_path / name)

@@ -289,6 +289,14 @@ def test_videos_in_place_of_recordings_or_a_table_are_answered_with_the_table_to
     assert "name them in a table trials.csv: first line camera:NAME,label:NAME" in line
 
 
+def test_a_run_in_place_of_recordings_is_answered_with_its_page(
+    tmp_path: Path, refused: Callable[[list[str]], str]
+) -> None:
+    (tmp_path / "run.json").write_text("{}")
+    line = refused(["info", str(tmp_path)])
+    assert f"for this run, a page: taxel report {tmp_path} --output run.html" in line
+
+
 def test_a_pattern_in_a_table_of_videos_is_answered_with_a_row_for_each_trial(
     tmp_path: Path, refused: Callable[[list[str]], str]
 ) -> None:

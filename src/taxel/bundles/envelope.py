@@ -220,6 +220,8 @@ def need_bundle(path: Path) -> None:
     if path.is_file():
         return
     got, mend = f"{path}, which is not there", "taxel bundle RUN --output FILE"
+    if (inside := path / "recogniser.taxel").is_file():
+        raise BadBundle("a bundle's file", f"{path}, a run", f"name {inside}")
     if path.is_dir():
         is_run = (path / "run.json").exists()
         got = f"{path}, {'a run' if is_run else 'a folder'}"

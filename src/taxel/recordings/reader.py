@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadFile, BadInput, BadRecording
 from taxel.foreign.files import in_words
 from taxel.foreign.json_text import parse_json
+from taxel.plain_text import shell_words
 from taxel.recordings import scan_layout as layout
 from taxel.recordings.chunk_content import ChunkContent, decode_chunk
 from taxel.recordings.manifest import Manifest, from_record
@@ -268,6 +269,8 @@ def _instead(folder: Path) -> str:
     """Return what to do with a folder without recordings."""
     from taxel.recordings.imports.video_rows import IMPORT_THEM, is_footage
 
+    if (folder / "run.json").is_file():
+        return f"for this run, a page: {shell_words('taxel', 'report', folder)} --output run.html"
     tables = sorted([*folder.glob("*.csv"), *folder.glob("*.tsv")])
     of_videos = [path for path in tables if _of_videos(path)]
     if table := _the_table(of_videos):

@@ -116,11 +116,11 @@ class EvaluateTrials:
 
     def _no_bundle(self, data: Path) -> BadInput:
         """Return what is said of a first word that is no bundle, where a second one is given."""
+        from taxel.bundles.envelope import need_bundle
         from taxel.bundles.shipped import shipped_like
 
-        inside = self.trials / "recogniser.taxel"
-        if inside.is_file():
-            return BadInput("a bundle's file", f"{self.trials}, a run", f"name {inside}")
+        if (self.trials / "recogniser.taxel").is_file():
+            need_bundle(self.trials)
         if not self.trials.exists():
             name = shipped_like(self.trials) or "recogniser.taxel in a run of taxel train-trials"
             return BadInput("a bundle's file", f"{self.trials}, which is not there", f"name {name}")
