@@ -15,7 +15,7 @@ from taxel.actions.sim_hand import SimHand
 from taxel.cli.recordings import collect as collect_verb
 from taxel.cli.recordings.collect import Collect
 from taxel.cli.recordings.hand import Hand
-from taxel.errors import BadInput
+from taxel.errors import BadInput, RecordingFailed, TaxelError
 from taxel.recordings.reader import read_recording
 from taxel.recordings.trial_plan import read_plan
 
@@ -222,6 +222,32 @@ def test_a_movement_that_is_stopped_keeps_its_currents(
     assert len(read_recording(tmp_path / "c.mcap").samples) > 20
     assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
     assert "the currents until the stop" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("stops", [True, False], ids=["stopped", "moved"])
+def test_a_disk_that_refuses_hides_not_what_became_of_the_hand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], stops: bool
+):
+    """Of a stop, its reason is the error; of a movement, where the fingers are is printed."""
+    take, calls = SimHand.take_currents, []
+
+    def take_currents(self: SimHand) -> list[tuple[float, tuple[int, ...]]]:
+        calls.append(1)
+        if stops and len(calls) == 30:
+            self.stop()
+        return take(self)
+
+    def refuse(*_: object) -> None:
+        raise RecordingFailed("the disk is full")
+
+    monkeypatch.setattr(SimHand, "take_currents", take_currents)
+    monkeypatch.setattr(collecting, "write_currents", refuse)
+    reason = "a hand that may move; got a stop" if stops else "the disk is full"
+    with pytest.raises(TaxelError, match=reason):
+        hand("grip", HAND, "--arm", "--record", tmp_path / "c.mcap")
+
+    aside = "until the stop are lost: the disk is full" if stops else "grip: fingers rest after"
+    assert aside in capsys.readouterr().err
 
 
 def test_a_hand_that_rests_says_so(capsys: pytest.CaptureFixture[str]):
