@@ -164,9 +164,10 @@ def _alarms_of(who: str) -> str:
 
 
 def _as_shown(title: str, note: dict[str, Any]) -> dict[str, Any]:
+    """Return an answer for the page; it is as old as its scans, where a recogniser lags behind."""
     return {"target": title, "label": note["grasp"], "confidence": note["grasp_confidence"],
             "reason": _what_it_is_of(note), "action": note["action"],
-            "time_s": note.get("decided_s")}  # fmt: skip
+            "time_s": note.get("as_of_s", note.get("decided_s"))}  # fmt: skip
 
 
 def _waits(title: str, why: str) -> dict[str, Any]:
