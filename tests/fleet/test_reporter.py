@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+from contextlib import suppress
 
 import pytest
 
@@ -30,3 +31,22 @@ def test_two_sources_of_one_address_and_one_that_fell_silent(monkeypatch: pytest
     report = json.loads(sent[0])
     assert [(s["state"], s["lost"]) for s in report["sources"]] == [("silent", 40), ("live", 2)]
     assert report["lost"] == 42
+
+
+@pytest.mark.parametrize(
+    ("killed", "error", "ended"), [(False, False, True), (False, True, False), (True, False, False)]
+)
+def test_only_a_station_that_ended_by_itself_is_said_to_have_ended(
+    monkeypatch: pytest.MonkeyPatch, killed: bool, error: bool, ended: bool
+):
+    """A reporter that failed left its station ENDED: dim, at the bottom, while it went on."""
+    sent: list[bytes] = []
+    monkeypatch.setattr(Broker, "__enter__", lambda self: self)
+    monkeypatch.setattr(Broker, "__exit__", lambda *_: None)
+    monkeypatch.setattr(Broker, "finish", lambda _, topic, payload: sent.append(payload))
+    with suppress(RuntimeError), Reporter(parse_mqtt("mqtt://127.0.0.1:1883/b")) as reporter:
+        reporter.killed = killed
+        if error:
+            raise RuntimeError
+    last = json.loads(sent[0])
+    assert (last["alive"], last["ended"]) == (False, ended)
