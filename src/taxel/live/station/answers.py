@@ -58,8 +58,8 @@ class Answers:
 
         Returns:
             The answer with its action and the level of its alarm, empty without one, and whether it
-            is the first of its trial or contact; and where the action is a new one, words for a
-            person.
+            is the first of its trial or contact; and where the action is a new one, or its alarm is
+            raised anew, words for a person.
         """
         sure = note["grasp_confidence"]
         rule = self._rules.rule(note["target"], note["grasp"], sure)
@@ -78,7 +78,8 @@ class Answers:
                 self._marked[note["who"]][note["truth"] == note["label"]] += 1
         answer = note["grasp"] if sure is None else f"{note['grasp']} {sure:.2f}"
         news = f"{note['target']} {answer}: {note['action']}"
-        return note, news if note["action"] not in ("", before) else ""
+        raised = bool(level) and (begins or not newest.get("alarm"))
+        return note, news if action and (action != before or raised) else ""
 
     def keep(self, note: dict[str, Any]) -> None:
         """Take in what a recogniser's first answer waits for, or where its level stands."""
