@@ -5,12 +5,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Self
+from typing import Any, Self, cast
 
 import pytest
 import tyro
 
 from taxel.actions import collecting, grasping
+from taxel.actions.guided_trials import record_trial
 from taxel.actions.sim_hand import SimHand
 from taxel.cli.recordings import collect as collect_verb
 from taxel.cli.recordings.collect import Collect
@@ -63,6 +64,22 @@ def test_a_plan_is_collected_and_goes_on_where_it_was_broken_off(
     assert last.manifest.labels == {"shape": "rectangle", "material": "plastic"}
     assert last.manifest.groups["session"] == "b"
     assert len(last.marks) == 1
+
+
+def test_a_grasp_that_another_program_has_made_meanwhile_is_not_replaced(
+    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Two stations with one folder: the later one wrote over the other's finished grasps."""
+    output = tmp_path / "grasps"
+    collect(plan, output)
+    first = (output / "trial-001.mcap").stat().st_mtime_ns
+    monkeypatch.setattr("taxel.recordings.trial_plan.done_of", lambda *_: [])  # as at its start
+    with pytest.raises(BadInput, match=r"trial-001.mcap, which another one has made meanwhile"):
+        collect(plan, output)
+    with pytest.raises(BadInput, match=r"trial-001.mcap, which another one has made meanwhile"):
+        record_trial(cast("Any", None), read_plan(plan)[0], output / "trial-001.mcap", 1.0)
+
+    assert (output / "trial-001.mcap").stat().st_mtime_ns == first
 
 
 def test_an_object_that_the_simulated_hand_does_not_have_is_refused(plan: Path, tmp_path: Path):
