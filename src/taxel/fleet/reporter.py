@@ -48,7 +48,7 @@ class Reporting:
     view: ViewConfig
     address: MqttAddress
     bundles: tuple[str, ...] = ()
-    """Files of the bundles that run."""
+    """Names of what runs, as `bundle_names` gave them when the station began."""
 
 
 def report(job: Reporting) -> None:
@@ -56,7 +56,7 @@ def report(job: Reporting) -> None:
     with (
         at_work(job.place) as pulse,
         Following(job.view) as following,
-        Reporter(job.address, bundle_names(job.bundles)) as reporter,
+        Reporter(job.address, job.bundles) as reporter,
     ):
         pulse.report("opened", reporter.where(_CONNECTS_S))
         settle_memory()
