@@ -5,17 +5,18 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Self
+from typing import Any, Self, cast
 
 import pytest
 import tyro
 
 from taxel.actions import collecting, grasping
+from taxel.actions.guided_trials import record_trial
 from taxel.actions.sim_hand import SimHand
 from taxel.cli.recordings import collect as collect_verb
 from taxel.cli.recordings.collect import Collect
 from taxel.cli.recordings.hand import Hand
-from taxel.errors import BadInput
+from taxel.errors import BadInput, RecordingFailed, TaxelError
 from taxel.recordings.reader import read_recording
 from taxel.recordings.trial_plan import read_plan
 
@@ -63,6 +64,22 @@ def test_a_plan_is_collected_and_goes_on_where_it_was_broken_off(
     assert last.manifest.labels == {"shape": "rectangle", "material": "plastic"}
     assert last.manifest.groups["session"] == "b"
     assert len(last.marks) == 1
+
+
+def test_a_grasp_that_another_program_has_made_meanwhile_is_not_replaced(
+    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Two stations with one folder: the later one wrote over the other's finished grasps."""
+    output = tmp_path / "grasps"
+    collect(plan, output)
+    first = (output / "trial-001.mcap").stat().st_mtime_ns
+    monkeypatch.setattr("taxel.recordings.trial_plan.done_of", lambda *_: [])  # as at its start
+    with pytest.raises(BadInput, match=r"trial-001.mcap, which another one has made meanwhile"):
+        collect(plan, output)
+    with pytest.raises(BadInput, match=r"trial-001.mcap, which another one has made meanwhile"):
+        record_trial(cast("Any", None), read_plan(plan)[0], output / "trial-001.mcap", 1.0)
+
+    assert (output / "trial-001.mcap").stat().st_mtime_ns == first
 
 
 def test_an_object_that_the_simulated_hand_does_not_have_is_refused(plan: Path, tmp_path: Path):
@@ -222,6 +239,32 @@ def test_a_movement_that_is_stopped_keeps_its_currents(
     assert len(read_recording(tmp_path / "c.mcap").samples) > 20
     assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
     assert "the currents until the stop" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("stops", [True, False], ids=["stopped", "moved"])
+def test_a_disk_that_refuses_hides_not_what_became_of_the_hand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], stops: bool
+):
+    """Of a stop, its reason is the error; of a movement, where the fingers are is printed."""
+    take, calls = SimHand.take_currents, []
+
+    def take_currents(self: SimHand) -> list[tuple[float, tuple[int, ...]]]:
+        calls.append(1)
+        if stops and len(calls) == 30:
+            self.stop()
+        return take(self)
+
+    def refuse(*_: object) -> None:
+        raise RecordingFailed("the disk is full")
+
+    monkeypatch.setattr(SimHand, "take_currents", take_currents)
+    monkeypatch.setattr(collecting, "write_currents", refuse)
+    reason = "a hand that may move; got a stop" if stops else "the disk is full"
+    with pytest.raises(TaxelError, match=reason):
+        hand("grip", HAND, "--arm", "--record", tmp_path / "c.mcap")
+
+    aside = "until the stop are lost: the disk is full" if stops else "grip: fingers rest after"
+    assert aside in capsys.readouterr().err
 
 
 def test_a_hand_that_rests_says_so(capsys: pytest.CaptureFixture[str]):

@@ -180,12 +180,28 @@ def test_an_event_has_its_time_since_the_station_began(monkeypatch: pytest.Monke
     """A hand's station has no first state: a fault after 40 s was printed at 0.00 s."""
     printed: list[str] = []
     monkeypatch.setattr(station_screen, "monotonic", lambda: 100.0)
-    lines = EventLines(SimpleNamespace(say=lambda text: printed.append(text.plain)))  # type: ignore[arg-type]
+    lines = EventLines(SimpleNamespace(say=lambda text: not printed.append(text.plain)))  # type: ignore[arg-type]
     station = SimpleNamespace(events=[])
     lines.print_new(station)  # type: ignore[arg-type]
     station.events.append((1, 140.5, "shape: no usable values"))
     lines.print_new(station)  # type: ignore[arg-type]
     assert printed == ["   40.50 s  shape: no usable values"]
+
+
+def test_an_event_for_which_a_terminal_that_stands_still_has_no_room_is_printed_later():
+    """It was dropped; its alarm counted as shown all the same, and the key a acknowledged it."""
+    room, printed = [True, False, True, True], []
+
+    def say(text: Text) -> bool:
+        printed.append(text.plain.split()[-1])
+        return room.pop(0)
+
+    lines = EventLines(SimpleNamespace(say=say))  # type: ignore[arg-type]
+    station = SimpleNamespace(events=[(n, float(n), name) for n, name in enumerate("abc", 1)])
+    assert not lines.print_new(station)  # type: ignore[arg-type]
+    assert lines.print_new(station)  # type: ignore[arg-type]
+    assert printed == ["a", "b", "b", "c"]
+    assert lines.print_new(station)  # type: ignore[arg-type]
 
 
 def test_what_a_station_says_while_it_ends_is_printed(

@@ -8,7 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
+from taxel.bundles.reader import Bundle
 from taxel.bundles.trials import TrialContract
+from taxel.cli.live.arrays import _trained_on_warning
 from taxel.cli.live.summaries import print_station_summary
 from taxel.cli.live.trained_trials import trained_on_warning, warn_of_training
 from taxel.errors import BadBundle
@@ -88,4 +90,19 @@ def test_a_station_warns_as_the_terminal_alone_does(
 
     monkeypatch.setattr("taxel.bundles.trials.read_trial_contract", refuse)
     warn_of_training(station, gone)
-    assert gone[0]["warning"] is None
+    expected = "whether the bundle was trained on these trials could not be checked (nothing)"
+    assert gone[0]["warning"].startswith(expected)
+
+
+@pytest.mark.parametrize("name", ["gone.mcap", "gone/"])
+def test_a_replay_that_was_deleted_meanwhile_costs_no_summary(tmp_path: Path, name: str):
+    """The run was over, and all that it had found was replaced by one line about the path."""
+    source = str(tmp_path / name)
+    bundle = cast("Bundle", SimpleNamespace(contract=contract()))
+    for found, what in (
+        (trained_on_warning(contract(), f"replay://{source}"), "trials"),
+        (_trained_on_warning(bundle, f"replay://{source}"), "recordings"),
+    ):
+        assert found is not None
+        assert f"trained on these {what} could not be checked" in found
+        assert "gone" in found

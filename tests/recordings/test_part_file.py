@@ -107,6 +107,26 @@ def test_without_locks_a_recorder_does_not_take_anothers_part(
     assert len(read_recording(tmp_path / "a.mcap").samples) == 50
 
 
+def test_a_part_that_was_removed_fails_the_recording_at_once_and_not_at_its_end(
+    tmp_path: Path, manifest: Manifest, numbered, monkeypatch: pytest.MonkeyPatch
+):
+    """A page counted seconds and bytes of a file that was gone, for as long as it ran."""
+    monkeypatch.setattr("taxel.recordings.writer.LOOK_S", 0.0)
+    recorder = Recorder(tmp_path / "a.mcap", manifest)
+    recorder.write(numbered(0, 50))
+    recorder.flush()
+    part_path(tmp_path / "a.mcap").unlink()
+
+    def go_on() -> None:
+        recorder.write(numbered(50, 50))
+        recorder.flush()
+
+    with pytest.raises(RecordingFailed, match="removed or replaced meanwhile"):
+        go_on()
+    with pytest.raises(RecordingFailed, match="removed or replaced meanwhile"):
+        recorder.close()
+
+
 def test_a_name_that_was_taken_meanwhile_is_not_replaced_unasked(
     tmp_path: Path, manifest: Manifest, numbered
 ):

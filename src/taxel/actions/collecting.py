@@ -20,7 +20,7 @@ from taxel.actions.grasp_cycle import CycleConfig, GraspCycle
 from taxel.actions.hand_driver import TICK_S, HandDriver
 from taxel.errors import BadSource
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.trial_plan import PlannedTrial
+from taxel.recordings.trial_plan import PlannedTrial, refuse_made
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo
 from taxel.sources.contract import Source
@@ -84,9 +84,11 @@ def collect_grasp(
 
     Raises:
         HandStopped: The hand was stopped in between.
+        BadInput: Another program has made this recording meanwhile.
         BadSource: The source fell silent.
         RecordingFailed: The disk refused.
     """
+    refuse_made(folder / trial.file_name)
     _read_for(source, driver, 0.0)  # what came before belongs to no grasp
     now_s = driver.clock.now_s()
     manifest = Manifest.started_now(

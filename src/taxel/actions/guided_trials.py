@@ -25,7 +25,7 @@ from taxel.errors import BadInput, BadSource
 from taxel.frame_codec import decode_jpeg
 from taxel.labels.change import ChangeConfig, ChangeMeter
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.trial_plan import PlannedTrial
+from taxel.recordings.trial_plan import PlannedTrial, refuse_made
 from taxel.recordings.writer import Recorder
 from taxel.signals import Frame, Samples
 from taxel.sources.contract import Source
@@ -194,9 +194,11 @@ def record_trial(
 
     Raises:
         NotSettled: Images went on changing for `PATIENCE_S`.
+        BadInput: Another program has made this recording meanwhile.
         BadSource: The source has no cameras, fell silent or ended.
         RecordingFailed: The disk refused.
     """
+    refuse_made(path)
     if not source.cameras:
         raise BadSource(
             "tactile cameras for a plan of grasps", "none", "record an array without --plan"

@@ -48,7 +48,7 @@ class Reporting:
     view: ViewConfig
     address: MqttAddress
     bundles: tuple[str, ...] = ()
-    """Files of the bundles that run."""
+    """Names of what runs, as `bundle_names` gave them when the station began."""
 
 
 def report(job: Reporting) -> None:
@@ -56,7 +56,7 @@ def report(job: Reporting) -> None:
     with (
         at_work(job.place) as pulse,
         Following(job.view) as following,
-        Reporter(job.address, bundle_names(job.bundles)) as reporter,
+        Reporter(job.address, job.bundles) as reporter,
     ):
         pulse.report("opened", reporter.where(_CONNECTS_S))
         settle_memory()
@@ -68,6 +68,7 @@ def report(job: Reporting) -> None:
             pulse.consumed, pulse.produced = following.taken, reporter.sent
             pulse.beat()
             time.sleep(_LOOK_S)
+        reporter.killed = pulse.orphaned
 
 
 class Reporter:
@@ -93,6 +94,8 @@ class Reporter:
             will=(self._alive, alive_bytes(boot, alive=False)),
             on_connect=lambda broker: self._say_alive(broker),
         )  # fmt: skip
+        self.killed = False
+        """True once the station has not ended by itself: then it is gone when this ends."""
         self.sent = 0
         """Reports that went out."""
 
@@ -142,9 +145,10 @@ class Reporter:
         self._broker.__enter__()
         return self
 
-    def __exit__(self, *_: object) -> None:
-        ended = alive_bytes(self._identity.boot, alive=False, ended=True)
-        self._broker.finish(self._alive, ended)
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        ended = kind is None and not self.killed  # after an error the station may run on, unseen
+        last = alive_bytes(self._identity.boot, alive=False, ended=ended)
+        self._broker.finish(self._alive, last)
         self._broker.__exit__()
 
 

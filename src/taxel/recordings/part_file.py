@@ -115,16 +115,26 @@ def take_name(raw: BinaryIO, path: Path, overwrite: bool) -> None:
     """
     part = part_path(path)
     if not _is_at(raw.fileno(), part):
-        raise RecordingFailed(
-            f"needed {part}, in which this was recorded; it was removed or replaced meanwhile; "
-            "record again, and let nothing else write there."
-        )
+        raise _lost(part)
     if not overwrite and path.exists():
         raise RecordingFailed(
             f"needed a new file to record to; got {path}, which was made meanwhile; the recording "
             f"is in {part}: move it, then run taxel recover on it."
         )
     os.replace(part, path)
+
+
+def check_there(raw: BinaryIO, path: Path) -> None:
+    """Look whether a part that grows still has its name: what is written to it is lost without.
+
+    Raises:
+        RecordingFailed: It was removed, moved or replaced. A disk that does not say is no reason.
+    """
+    part, there = part_path(path), True
+    with suppress(OSError):
+        there = _is_at(raw.fileno(), part)
+    if not there:
+        raise _lost(part)
 
 
 def remove_part(raw: BinaryIO, path: Path) -> None:
@@ -188,6 +198,13 @@ def _is_at(held: int, path: Path) -> bool:
         return os.path.samestat(os.fstat(held), path.lstat())
     except FileNotFoundError:
         return False
+
+
+def _lost(part: Path) -> RecordingFailed:
+    return RecordingFailed(
+        f"needed {part}, in which this was recorded; it was removed or replaced meanwhile; "
+        "record again, and let nothing else write there."
+    )
 
 
 def _busy(path: Path) -> BadInput:

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from taxel.errors import BadTable
+from taxel.errors import BadInput, BadTable
 from taxel.foreign.files import MIB
 from taxel.foreign.text_rows import rows_of
 from taxel.plain_text import number_of
@@ -144,6 +144,20 @@ def done_of(trials: Sequence[PlannedTrial], folder: Path) -> list[PlannedTrial]:
             )  # fmt: skip
         done.append(trial)
     return done
+
+
+def refuse_made(path: Path) -> None:
+    """Refuse to make a trial's recording once more, before anything moves.
+
+    Raises:
+        BadInput: It is there: another program follows the plan in the same folder.
+    """
+    if path.exists():
+        raise BadInput(
+            "a folder in which this program alone follows the plan",
+            f"{path}, which another one has made meanwhile",
+            "let that one end, or name another folder; then run the same command again",
+        )
 
 
 def balance(

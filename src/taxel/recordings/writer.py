@@ -30,6 +30,7 @@ from taxel.recordings.frame_layout import check_times
 from taxel.recordings.manifest import Manifest, check_manifest
 from taxel.recordings.mark_layout import encode_mark
 from taxel.recordings.part_file import (
+    check_there,
     let_go,
     open_part,
     part_path,
@@ -47,6 +48,9 @@ QUEUE_SCANS = 60_000
 """Scans that may wait for the disk: a minute at 1 kHz."""
 QUEUE_BYTES = 64 * 1024 * 1024
 """Frames that may wait for the disk: a minute of two 60 Hz cameras."""
+LOOK_S = 1.0
+"""How often it is looked whether the part still has its name, seconds. Our choice,
+docs/decisions/0004."""
 STALL_S = 10.0
 """How long the disk may stand still with a full queue before the recorder gives up."""
 
@@ -299,6 +303,7 @@ class Recorder:
     def _run(self) -> None:
         """Empty the queue into the file, every `flush_s` seconds, until closed."""
         due = time.monotonic() + self._flush_s
+        look = due + LOOK_S
         while True:
             with self._change:
                 self._change.wait_for(self._hurry, max(0.0, due - time.monotonic()))
@@ -309,6 +314,11 @@ class Recorder:
             try:
                 self._content.write(batch)
                 self.written += len(batch)
+                if due >= look and not closing:
+                    look = due + LOOK_S
+                    check_there(self._raw, self._path)
+            except RecordingFailed as error:
+                self._error = error
             except OSError as error:
                 self._error = self._failed(error)
             except Exception as error:  # anything else must be as loud: nobody sees this thread

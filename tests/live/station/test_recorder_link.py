@@ -77,6 +77,7 @@ def test_a_dead_recorder_is_told_with_the_way_out_and_followed(rig: Rig):
     rig.link.close()
     assert rig.link.newest["incomplete"] == [str(rig.path)]
     assert rig.link.newest["error"].count("taxel recover") == 1
+    assert rig.link.newest["whole"]  # the rest is; the summary called it "taken in" and not by name
 
 
 def test_the_new_recorder_dies_too_and_both_files_are_named(rig: Rig):
@@ -89,6 +90,14 @@ def test_the_new_recorder_dies_too_and_both_files_are_named(rig: Rig):
     rig.link.close()
     assert rig.link.newest["incomplete"] == [str(rig.path), str(rig.rest)]
     assert [order["path"] for order in rig.ordered()] == [str(rig.path)] * 3
+
+
+def test_what_a_dead_recorder_left_is_not_called_whole(rig: Rig):
+    rig.begin()
+    rig.says(rig.path)
+    rig.link.ended("signal 9", False, 2.0)
+    rig.link.close()
+    assert not rig.link.newest["whole"]
 
 
 def test_one_that_no_other_follows_leaves_nothing_on(rig: Rig):

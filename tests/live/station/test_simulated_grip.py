@@ -230,7 +230,8 @@ def test_what_an_actuator_reports_is_alarmed_once_and_over_when_it_is_well_again
 
     rig = Grasping()
     grip = Faulty(lambda *_: None, FORCE, rig.clock)
-    rig.driving = Driving(rig.guard, 15.0)
+    reported: list[str] = []
+    rig.driving = Driving(rig.guard, 15.0, lambda _, text: reported.append(text))
     rig.driving.add(grip)
     rig.run("STABLE", 0.1)
     assert rig.guard.alarms.alarms == ()
@@ -241,6 +242,9 @@ def test_what_an_actuator_reports_is_alarmed_once_and_over_when_it_is_well_again
     snapshot = rig.driving.snapshot()
     assert snapshot is not None
     assert snapshot["note"] == "its cable is out"
+    grip.fault = "its cable has been out for 0.2 s"
+    rig.run("STABLE", 0.1)
+    assert reported == [f"{grip.name}: its cable is out"]  # a terminal shows no alarms by itself
     grip.fault = ""
     rig.run("STABLE", 0.1)
     (alarm,) = [a for a in rig.guard.alarms.alarms if a.kind == grip.name]

@@ -338,6 +338,11 @@ def test_a_recogniser_answers_scans_only_and_says_who_it_is(recogniser: Rig):
     assert note["grasp_confidence"] == pytest.approx(0.8)
 
 
+def test_an_answer_is_as_old_as_its_scans_where_a_recogniser_lags_behind(recogniser: Rig):
+    notes = recogniser.take(scans(1.0), scans(41.0))
+    assert [note["as_of_s"] for note in notes if "as_of_s" in note] == [-40.0, 0.0]
+
+
 def test_a_recogniser_reports_a_gate_that_moved_after_its_answer(recogniser: Rig):
     notes = recogniser.take(scans(0.1, 0.2))
     assert [note["kind"] for note in notes] == ["answer", "news"]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from taxel.cli.live.summaries import answers_lines
 from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.cli.recordings.recording import SUMMARY_FOLLOWS, stop_signals
+from taxel.errors import TaxelError
 from taxel.plain_text import number_of, visible
 
 if TYPE_CHECKING:
@@ -149,15 +150,21 @@ def _newtons(calibration: Path | None, source: Source) -> LiveNewtons | None:
 
 
 def _trained_on_warning(bundle: Bundle, source: str) -> str | None:
-    """Return a warning where the accuracy is of recordings that the bundle was trained on."""
+    """Return a warning where the accuracy is of recordings that the bundle was trained on.
+
+    The run is over by then: what became of its files meanwhile is no reason to lose the summary.
+    """
     from taxel.evaluation.learned_recordings import recordings_trained_on
     from taxel.sources.opening import replayed_files
-    from taxel.views.tables.trained_on import trained_on_line
+    from taxel.views.tables.trained_on import trained_on_line, unchecked_line
 
-    files = replayed_files(source)
-    if not files:
-        return None
-    found = recordings_trained_on(bundle.contract, files)
+    try:
+        files = replayed_files(source)
+        if not files:
+            return None
+        found = recordings_trained_on(bundle.contract, files)
+    except (TaxelError, OSError) as error:
+        return unchecked_line("recordings", error)
     return trained_on_line(found, "recordings", known=bool(bundle.contract.learned))
 
 

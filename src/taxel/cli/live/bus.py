@@ -83,10 +83,11 @@ def _open_zenoh(station: Station, name: str, url: str) -> str:
 
 def _open_reports(station: Station, name: str, url: str) -> str:
     from taxel.bus.addresses import parse_mqtt
-    from taxel.fleet.reporter import Reporting, report
+    from taxel.fleet.reporter import Reporting, bundle_names, report
 
     address, view = parse_mqtt(url), station.view_config()
-    bundles = tuple(str(path) for path in station.config.bundles)
+    # Now: a reporter that is started again finds the file gone, or another one than what runs.
+    bundles = bundle_names([str(path) for path in station.config.bundles])
     return _added(
         station, name, report,
         lambda place: Reporting(place=place, view=view, address=address, bundles=bundles),

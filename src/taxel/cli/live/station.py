@@ -107,9 +107,8 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             to_arm = to_arm and _still_to_arm(station)
             for key in keys.typed():
                 press(key, station, printer.shown)
-            if not options.json:
-                events.print_new(station)
-            printer.note(frozenset(alarm.key for alarm in station.guard.alarms.alarms))
+            if options.json or events.print_new(station):
+                printer.note(frozenset(alarm.key for alarm in station.guard.alarms.alarms))
 
         if console.is_terminal and not options.json:
             acts = bool(options.gripper or options.tell)

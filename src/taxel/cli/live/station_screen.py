@@ -88,10 +88,12 @@ class PrinterThread:
         self._thread = threading.Thread(target=self._run, name="taxel printer", daemon=True)
         self._thread.start()
 
-    def say(self, line: Text) -> None:
-        """Print a line soon; drop it where too many wait."""
+    def say(self, line: Text) -> bool:
+        """Print a line soon; return False where too many wait, and it is to be said again."""
         with suppress(queue.Full):
             self._lines.put_nowait(line)
+            return True
+        return False
 
     def note(self, alarms: frozenset[int]) -> None:
         """Let the alarms of these keys count as shown once all lines until now are printed."""
@@ -126,17 +128,19 @@ class EventLines:
         self._began_s: float | None = None
         self._printer = printer
 
-    def print_new(self, station: Station) -> None:
-        """Print the events since the last call."""
+    def print_new(self, station: Station) -> bool:
+        """Print the events since the last call; return False where some still wait for room."""
         newest = station.events[-1][0] if station.events else 0
         if self._began_s is None:
             self._began_s = station.events[0][1] if station.events else monotonic()
         if newest == self._printed:
-            return
+            return True
         for number, time_s, text in station.events:
             if number <= self._printed:
                 continue
             colour = _COLOURS.get(text.partition(":")[0], "cyan")
             when = f"{time_s - self._began_s:8.2f} s  "
-            self._printer.say(Text.assemble(when, (visible_line(text), colour)))
-        self._printed = newest
+            if not self._printer.say(Text.assemble(when, (visible_line(text), colour))):
+                return False
+            self._printed = number
+        return True

@@ -104,7 +104,8 @@ def print_station_summary(summary: dict[str, Any]) -> None:
         say(f"  median latency, ms: {' · '.join(parts)}")
     recording = summary["recording"]
     if recording.get("error"):
-        say(recording["error"], style="red")
+        for line in recording["error"].splitlines():
+            say(line, style="red")
     if recording.get("ledger"):
         ledger = recording["ledger"]
         parts = [number_of(ledger["scans"], "scan")] if ledger["scans"] else []

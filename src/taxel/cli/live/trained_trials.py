@@ -28,17 +28,21 @@ def trained_on_warning(contract: TrialContract, source: str) -> str | None:
     """
     from taxel.evaluation.camera_trials.learned_trials import trained_on
     from taxel.sources.opening import replayed_files
-    from taxel.views.tables.trained_on import trained_on_line
+    from taxel.views.tables.trained_on import trained_on_line, unchecked_line
     from taxel.windows.camera_trials import read_camera_trials
 
-    files = [Path(source)] if is_table(Path(source)) else replayed_files(source)
-    if not files:
-        return None
-    trials: list[CameraTrial] = []
-    for file in files:
-        with suppress(TaxelError):
-            trials += read_camera_trials(file)
-    return trained_on_line(trained_on(contract, trials), "trials", known=bool(contract.learned))
+    try:
+        files = [Path(source)] if is_table(Path(source)) else replayed_files(source)
+        if not files:
+            return None
+        trials: list[CameraTrial] = []
+        for file in files:
+            with suppress(TaxelError):
+                trials += read_camera_trials(file)
+        found = trained_on(contract, trials)
+    except (TaxelError, OSError) as error:  # the run is over: its summary is not to be lost
+        return unchecked_line("trials", error)
+    return trained_on_line(found, "trials", known=bool(contract.learned))
 
 
 def warn_of_training(station: Station, answers: list[dict[str, Any]]) -> None:
@@ -57,12 +61,17 @@ def warn_of_training(station: Station, answers: list[dict[str, Any]]) -> None:
         if "trials" not in answer:
             continue
         from taxel.bundles.trials import read_trial_contract  # needs cameras' extra
+        from taxel.views.tables.trained_on import unchecked_line
 
         answer["warning"] = None
-        with suppress(TaxelError):  # by now the bundle may be gone
+        if not answer["marked"]:
+            continue
+        try:
             contract = read_trial_contract(Path(answer["bundle"]), station.config.trust)
-            if answer["marked"]:
-                answer["warning"] = trained_on_warning(contract, sources[answer["who"]])
+        except (TaxelError, OSError) as error:  # by now the bundle may be gone
+            answer["warning"] = unchecked_line("trials", error)
+        else:
+            answer["warning"] = trained_on_warning(contract, sources[answer["who"]])
 
 
 def is_table(path: Path) -> bool:

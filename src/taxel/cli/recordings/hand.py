@@ -17,7 +17,7 @@ from taxel.cli.figure_files import need_figures
 from taxel.cli.options.rules import Only
 from taxel.cli.printing import print_json, say, say_aside
 from taxel.cli.recordings.recording import stop_signals
-from taxel.errors import BadInput
+from taxel.errors import BadInput, TaxelError
 from taxel.plain_text import number_of
 
 if TYPE_CHECKING:
@@ -144,11 +144,22 @@ def use_hand(
             actuator.close()
     except HandStopped as error:
         if error.currents and (record or plot):  # they may show why
-            keep.write(error.currents, wall_anchor_ns)
-            files = ", ".join(str(path) for path in (record, plot) if path)
-            say_aside(f"the currents until the stop: {files}")
+            try:
+                keep.write(error.currents, wall_anchor_ns)
+            except (
+                TaxelError,
+                OSError,
+            ) as refused:  # the reason of the stop stays
+                say_aside(f"the currents until the stop are lost: {refused}")
+            else:
+                files = ", ".join(str(path) for path in (record, plot) if path)
+                say_aside(f"the currents until the stop: {files}")
         raise
-    keep.write(moved.currents, wall_anchor_ns)
+    try:
+        keep.write(moved.currents, wall_anchor_ns)
+    except (TaxelError, OSError):
+        say_aside(_line(action, result))  # where the fingers are now
+        raise
     return result
 
 

@@ -58,8 +58,8 @@ class Answers:
 
         Returns:
             The answer with its action and the level of its alarm, empty without one, and whether it
-            is the first of its trial or contact; and where the action is a new one, words for a
-            person.
+            is the first of its trial or contact; and where the action is a new one, or its alarm is
+            raised anew, words for a person.
         """
         sure = note["grasp_confidence"]
         rule = self._rules.rule(note["target"], note["grasp"], sure)
@@ -78,7 +78,8 @@ class Answers:
                 self._marked[note["who"]][note["truth"] == note["label"]] += 1
         answer = note["grasp"] if sure is None else f"{note['grasp']} {sure:.2f}"
         news = f"{note['target']} {answer}: {note['action']}"
-        return note, news if note["action"] not in ("", before) else ""
+        raised = bool(level) and (begins or not newest.get("alarm"))
+        return note, news if action and (action != before or raised) else ""
 
     def keep(self, note: dict[str, Any]) -> None:
         """Take in what a recogniser's first answer waits for, or where its level stands."""
@@ -164,9 +165,10 @@ def _alarms_of(who: str) -> str:
 
 
 def _as_shown(title: str, note: dict[str, Any]) -> dict[str, Any]:
+    """Return an answer for the page; it is as old as its scans, where a recogniser lags behind."""
     return {"target": title, "label": note["grasp"], "confidence": note["grasp_confidence"],
             "reason": _what_it_is_of(note), "action": note["action"],
-            "time_s": note.get("decided_s")}  # fmt: skip
+            "time_s": note.get("as_of_s", note.get("decided_s"))}  # fmt: skip
 
 
 def _waits(title: str, why: str) -> dict[str, Any]:

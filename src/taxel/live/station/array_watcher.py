@@ -55,6 +55,8 @@ class ArrayWatcher:
 
     def take(self, packets: list[Packet], came: Came, pulse: Pulse) -> None:
         """Answer each window that the scans complete."""
+        scans = [packet for packet in packets if isinstance(packet, Samples)]
+        newest_s = float(scans[-1].arrival_s[-1]) if scans else math.nan
         for packet in packets:
             # A padded window of a grasp comes after its mark, and is still of that contact.
             if (ends_grasp(packet) and not self._padded) or asks(packet, "new grasp"):
@@ -63,7 +65,11 @@ class ArrayWatcher:
             if not isinstance(packet, Samples):
                 continue
             pulse.beat()
-            times = {"arrival_s": float(packet.arrival_s[-1]), **came, "began_s": monotonic()}
+            arrival_s = float(packet.arrival_s[-1])
+            behind_s = max(0.0, newest_s - arrival_s)  # all of a ring may wait, minutes of scans
+            times = {"arrival_s": arrival_s, **came, "began_s": monotonic()}
+            if math.isfinite(behind_s):
+                times["as_of_s"] = came["put_s"] - behind_s
             for answer in self._recogniser.push(packet):
                 self._send(answer, times)
             self._say(self._recogniser.gate_moves())

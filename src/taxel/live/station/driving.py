@@ -125,4 +125,6 @@ class Driving:
         for name, fault in faults.items():
             if self._faults.get(name) != fault:
                 self._guard.trouble(name, f"{name}: {fault}", now_s)
+                if name not in self._faults:  # its words may hold how long it has lasted
+                    self._happened(now_s, f"{name}: {fault}")
         self._faults = faults

@@ -6,7 +6,7 @@ another's. Knows nothing about rings.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from taxel.live.station.guard import Guard
@@ -19,10 +19,15 @@ class LateCameras:
 
     Args:
         guard: Receives the alarm.
+        happened: Called with a moment and words for a person, where a camera begins to be late: a
+            terminal shows no other alarms than those that are said.
     """
 
-    def __init__(self, guard: Guard) -> None:
-        self._guard = guard
+    def __init__(
+        self, guard: Guard, happened: Callable[[float, str], None] = lambda *_: None
+    ) -> None:
+        self._guard, self._happened = guard, happened
+        self._was: frozenset[str] = frozenset()
         self._late: dict[str, dict[str, float]] = {}
 
     def hear(self, note: Mapping[str, Any], now_s: float) -> None:
@@ -54,5 +59,8 @@ class LateCameras:
         if most:
             text = ", ".join(f"{name} is {1000 * s:.0f} ms late" for name, s in most.items())
             self._guard.trouble(_KIND, text, now_s, danger=False)
+            if not self._was.issuperset(most):
+                self._happened(now_s, text)
         else:
             self._guard.over(_KIND, now_s)
+        self._was = frozenset(most)

@@ -183,7 +183,8 @@ class RecorderLink:
         if not self.incomplete and not refused:
             return
         own = [self.newest.get("error", "")]
-        errors = [error for error in own if error not in ("", self._broken)] + [
+        own = [error for error in own if error not in ("", self._broken)]
+        errors = own + [
             f"needed the recorder to complete {path}; got its end without that; "
             f"run: {recover_command(Path(path))}."
             for path in self.incomplete
@@ -194,7 +195,7 @@ class RecorderLink:
                 f"needed to log {number_of(len(refused), 'grasp')} in {self._log}; got "
                 f"{refused[-1].strerror}; note their outcome by hand{room}."
             )
-        whole = not self.incomplete and len(errors) == 1 and bool(refused)
+        whole = not own and not self._broken and self.newest.get("path") not in self.incomplete
         self.newest = {**self.newest, "error": "\n".join(errors), "whole": whole}
         if self.incomplete:
             self.newest["incomplete"] = list(self.incomplete)

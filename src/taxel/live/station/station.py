@@ -81,7 +81,7 @@ class Station:
         self.driving = Driving(self.guard, limits.min_n, self._happened)
         self._recorder = RecorderLink(self.guard, self._happened)
         self.person = Person(self.guard, monotonic(), self._recorder.keep_trial)
-        self._late = LateCameras(self.guard)
+        self._late = LateCameras(self.guard, self._happened)
         self.latencies = Latencies()
         self.answers = Answers(())
         self.events: deque[tuple[int, float, str]] = deque(maxlen=_EVENTS)

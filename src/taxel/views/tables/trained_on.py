@@ -31,3 +31,17 @@ def trained_on_line(names: Sequence[str], what: str, *, known: bool) -> str | No
         f"the bundle was trained on {len(names)} of these {what} (such as {visible(names[0])}): "
         "accuracy on them is not a test"
     )
+
+
+def unchecked_line(what: str, error: Exception) -> str:
+    """Return a warning where nobody can find out any more what a bundle was trained on.
+
+    Args:
+        what: Such as "recordings".
+        error: Why not, as where a file was deleted meanwhile.
+    """
+    got = getattr(error, "got", error)
+    return (
+        f"whether the bundle was trained on these {what} could not be checked ({visible(str(got))})"
+        ": make sure that none of them is among its training data"
+    )
