@@ -22,6 +22,7 @@ from taxel.foreign.json_text import parse_json
 from taxel.plain_text import shell_words
 from taxel.recordings import scan_layout as layout
 from taxel.recordings.chunk_content import ChunkContent, decode_chunk
+from taxel.recordings.footage_files import IMPORT_THEM, is_footage
 from taxel.recordings.manifest import Manifest, from_record
 from taxel.recordings.part_file import PART_SUFFIX, part_path
 from taxel.recordings.walk import damaged, open_chunk, parse_metadata, walk
@@ -267,8 +268,6 @@ def list_recordings(path: Path | str) -> list[Path]:
 
 def _instead(folder: Path) -> str:
     """Return what to do with a folder without recordings."""
-    from taxel.recordings.imports.video_rows import IMPORT_THEM, is_footage
-
     if (folder / "run.json").is_file():
         return f"for this run, a page: {shell_words('taxel', 'report', folder)} --output run.html"
     tables = sorted([*folder.glob("*.csv"), *folder.glob("*.tsv")])

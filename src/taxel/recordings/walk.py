@@ -23,6 +23,7 @@ from mcap.records import Channel, Metadata
 
 from taxel.errors import BadFile, BadRecording
 from taxel.foreign.files import open_file
+from taxel.recordings.footage_files import IMPORT_THEM, is_footage
 from taxel.recordings.mcap_file import MAGIC, RECORD_HEAD
 
 LARGEST_CHUNK = 32 * 1024 * 1024
@@ -145,8 +146,6 @@ def _records(file: BinaryIO, path: Path) -> Iterator[Record]:
     size = file.seek(0, io.SEEK_END)
     file.seek(0)
     if file.read(len(MAGIC)) != MAGIC:
-        from taxel.recordings.imports.video_rows import IMPORT_THEM, is_footage
-
         if is_footage(path):
             raise BadRecording("a recording (MCAP)", f"{path}, one video or image", IMPORT_THEM)
         raise BadRecording(

@@ -20,18 +20,11 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset, BadTable
 from taxel.frame_codec import encode_jpeg
 from taxel.plain_text import visible_names
+from taxel.recordings.footage_files import IMAGES, IMPORT_THEM, NAME_THEM, VIDEOS
 from taxel.recordings.imports.footage import open_footage
 from taxel.recordings.imports.known import KNOWN_VIDEOS
 from taxel.recordings.imports.value_tables.table_columns import read_cells
-from taxel.recordings.imports.video_rows import (
-    IMAGES,
-    IMPORT_THEM,
-    NAME_THEM,
-    VIDEOS,
-    VideoRow,
-    names_videos,
-    read_video_rows,
-)
+from taxel.recordings.imports.video_rows import VideoRow, names_videos, read_video_rows
 from taxel.recordings.imports.videos import QUALITY, naming, same_length, same_rate
 from taxel.recordings.reader import list_recordings, read_manifest
 from taxel.signals import CameraInfo

@@ -146,10 +146,7 @@ def use_hand(
         if error.currents and (record or plot):  # they may show why
             try:
                 keep.write(error.currents, wall_anchor_ns)
-            except (
-                TaxelError,
-                OSError,
-            ) as refused:  # the reason of the stop stays
+            except (TaxelError, OSError) as refused:  # the reason of the stop stays
                 say_aside(f"the currents until the stop are lost: {refused}")
             else:
                 files = ", ".join(str(path) for path in (record, plot) if path)

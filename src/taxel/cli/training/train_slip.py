@@ -152,7 +152,7 @@ class TrainSlip:
 
 def _recorded_in(folder: Path) -> Path | None:
     """Return a recording, table, video or image that a folder holds; None where there is none."""
-    from taxel.recordings.imports.video_rows import IMAGES, VIDEOS
+    from taxel.recordings.footage_files import IMAGES, VIDEOS
 
     endings = (".mcap", ".csv", *VIDEOS, *IMAGES)
     inside = chain(folder.glob("*"), folder.glob("*/*"))

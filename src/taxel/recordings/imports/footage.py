@@ -28,8 +28,9 @@ from taxel.frame_codec import decode_still, still_size
 from taxel.jpeg_head import EIGHT_BITS, check_size
 from taxel.plain_text import number_of
 from taxel.raster_head import is_raster
+from taxel.recordings.footage_files import IMAGES
 from taxel.recordings.imports.frame_arrays import ENDING, FrameArray, file_digest
-from taxel.recordings.imports.video_rows import CAMERA_FILE, IMAGES, no_file
+from taxel.recordings.imports.video_rows import CAMERA_FILE, no_file
 
 LARGEST_SIDE = 8192
 """Pixels; beyond it a frame alone takes 200 MB. Source: our choice."""

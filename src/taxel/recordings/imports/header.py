@@ -14,9 +14,9 @@ from taxel.foreign.held_arrays import table_of
 from taxel.foreign.sheets import is_sheet, sheet_names
 from taxel.foreign.wav_file import WAV_ENDING, read_wav_head
 from taxel.plain_text import number_of, visible
+from taxel.recordings.footage_files import IMAGES, NAME_THEM, VIDEOS, is_footage
 from taxel.recordings.imports.own_groups import refuse_own_groups
 from taxel.recordings.imports.value_tables.table_columns import read_cells
-from taxel.recordings.imports.video_rows import IMAGES, NAME_THEM, VIDEOS, is_footage
 
 PLAIN_COLUMNS = (
     "file", "trials", "axes", "length", "pieces", "channels", "time", "layout", "sensor",

@@ -28,17 +28,6 @@ SIDES = ("train", "validation", TEST)
 """What the column `split` may hold."""
 CAMERA_FILE = "a video, an image or a folder of images for each camera"
 """What a camera's cell names, in messages."""
-IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-"""Endings of images: those of a folder, or one that is a trial by itself."""
-VIDEOS = (".avi", ".mp4", ".m4v", ".mov", ".mkv", ".webm", ".mpg", ".mpeg")
-"""Endings by which a video is known where a table or a recording belongs."""
-NAME_THEM = (
-    "name them in a table trials.csv: first line camera:NAME,label:NAME, then a line for each "
-    "trial with its video, image or folder, and its label"
-)
-"""What to do with videos and images that no table names yet, in messages."""
-IMPORT_THEM = f"{NAME_THEM}, and import it: taxel import trials.csv --output recordings"
-"""The same where only recordings are of use."""
 _EACH_ROW = "write a row for each trial: in tables of videos no cell stands for several files"
 
 
@@ -157,14 +146,6 @@ def _check_columns(table: Path, columns: Sequence[str]) -> None:
         raise BadTable(
             "each column once", f"{', '.join(columns)} in {table}", "mend the table's first line"
         )
-
-
-def is_footage(path: Path) -> bool:
-    """Return whether a file is a video or an image, or a folder or its folders hold some."""
-    return any(
-        file.suffix.lower() in (*IMAGES, *VIDEOS)
-        for file in (path, *path.glob("*"), *path.glob("*/*"))
-    )
 
 
 def no_file(path: Path, where: str = "") -> BadTable:
