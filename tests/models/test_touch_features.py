@@ -11,7 +11,7 @@ from taxel.bundles.writer import Classifier, export_onnx
 from taxel.errors import BadInput
 from taxel.models.blend import Blend, Part, Plan, read_plan
 from taxel.models.onnx_session import WindowModel
-from taxel.models.touch_blocks import BLOCKS, UNIT
+from taxel.models.touch_blocks import BLOCKS, START_ROWS, UNIT
 from taxel.models.touch_features import (
     TouchFeatures,
     compute_features,
@@ -193,6 +193,19 @@ def test_parts_are_means_over_equal_times():
 
     np.testing.assert_allclose(found[:2], [(0 + 0.5) / 1.5, (0.5 + 2) / 1.5], rtol=1e-6)
     assert found.mean() == pytest.approx(11.5)
+
+
+def test_a_start_is_means_of_the_first_rows_that_were_measured():
+    rows = np.random.default_rng(1).normal(size=(2, 16, 3)).astype(np.float32)
+    mask = np.ones((2, 16), bool)
+    mask[1, 3:] = False
+
+    found = compute_features(("start",), (0, 0, 0), rows, mask).reshape(2, len(START_ROWS), 3)
+
+    for place, count in enumerate(START_ROWS):
+        np.testing.assert_allclose(found[0, place], rows[0, :count].mean(axis=0), atol=1e-6)
+        np.testing.assert_allclose(found[1, place], rows[1, : min(count, 3)].mean(axis=0),
+                                   atol=1e-6)  # fmt: skip
 
 
 def test_a_distribution_is_quantiles_of_values_and_of_changes():

@@ -21,6 +21,8 @@ from taxel.models.touch_window import FAR, TINY, Touch, rounded
 SEGMENTS, PARTS = 8, 16
 """Equal parts of a window whose means are taken, less the window's mean and as they are. Source:
 our choice, 0039."""
+START_ROWS = (1, 2, 4, 8)
+"""First rows of a window whose means are the block `start`. Source: our choice, 0039."""
 QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
 FINE_QUANTILES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
 """Of values, in the block `distribution`. Source: our choice, 0039."""
@@ -63,6 +65,16 @@ def _statistics(touch: Touch) -> Tensor:
 
 def _level(touch: Touch) -> Tensor:
     return torch.cat([touch.mean, touch.least, touch.most, touch.first, touch.last], dim=1)
+
+
+def _start(touch: Touch) -> Tensor:
+    """Means of the first rows: where channels drift, what they show before they do."""
+    parts = []
+    for rows in START_ROWS:
+        measured = touch.present[:, :rows]
+        total = touch.kept(touch.values[:, :rows], measured).sum(dim=1)
+        parts.append(rounded(total / measured.sum(dim=1).clamp(min=1.0)))
+    return torch.cat(parts, dim=1)
 
 
 def _tared(touch: Touch) -> Tensor:
@@ -199,6 +211,7 @@ BLOCKS: dict[str, tuple[Callable[[Touch], Tensor], int]] = {
     "statistics": (_statistics, 2),
     "level": (_level, 2),
     "tared": (_tared, 2),
+    "start": (_start, 2 * START_ROWS[-1]),
     "shape": (_shape, 3),
     "course": (_course, SEGMENTS),
     "parts": (_parts, 2),

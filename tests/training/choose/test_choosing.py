@@ -24,7 +24,7 @@ from taxel.training.choose.fit_choice import fit_choice
 from taxel.training.choose.inner_folds import Held
 from taxel.training.choose.kept_tries import KeptTries
 from taxel.training.choose.limits import Limits, fit_within
-from taxel.training.choose.preparations import Prepared, candidate_windows, prepare_all
+from taxel.training.choose.preparations import Prepared, candidate_windows, prepare, prepare_all
 from taxel.training.choose.search import Effort, choose
 
 RNG = np.random.default_rng(0)
@@ -44,6 +44,18 @@ def test_rows_themselves_are_features_only_of_windows_without_padding():
     assert {"both parts", "all with parts"} <= set(padded)
     assert "both parts" not in whole  # twelve rows are finer than sixteen parts
     assert "rows" not in feature_sets(400, 8)
+
+
+def test_a_trials_start_is_a_set_of_its_own_where_windows_begin_with_trials(base: Base):
+    """Of channels that drift a discriminant on 75 rows named .57, on the first ones .83."""
+    assert "start" not in feature_sets(30, 4)
+    assert feature_sets(30, 4, padded=True, starts=True)["start"] == ("start",)
+    assert "start" not in feature_sets(15, 4, starts=True)  # a start is not half of a window
+
+    assert [own.starts for own in prepare_all(base)] == [True]
+    long = replace(base, rows=np.full(len(base.rows), 900, np.intp))
+    (config,) = candidate_windows(base)
+    assert not prepare(long, config, config.steps).starts
 
 
 def test_a_short_trial_is_one_window_without_a_gate(base: Base):

@@ -202,6 +202,7 @@ def test_of_many_windows_those_compared_are_of_all_classes_though_recorded_in_tu
     trial = np.repeat(np.arange(480), 10)
     prepared = SimpleNamespace(
         grids=(),
+        starts=False,
         name="25 rows", trial=trial, kept=np.arange(len(trial)), stretch=trial,
         dataset=SimpleNamespace(
             windows=SimpleNamespace(values=np.zeros((len(trial), 25, 2)), padded=0)
@@ -251,6 +252,7 @@ def test_shorter_windows_must_be_better_by_more_than_chance_over_trials(missed: 
         trial = np.repeat(np.arange(40), windows)
         prepared = SimpleNamespace(
             grids=(),
+            starts=False,
             name=f"{steps} rows", trial=trial, kept=np.arange(len(trial)), stretch=trial,
             dataset=SimpleNamespace(
                 windows=SimpleNamespace(values=np.zeros((len(trial), steps, 2)), padded=0)

@@ -38,6 +38,7 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "statistics": ("statistics",),
     "across the pad": (*_UNIT, *_FREE, "pattern"),
     "tared": ("tared", *_FREE),
+    "start": ("start",),
     "both parts": ("parts", f"{UNIT}parts"),
     "both rows": ("rows", f"{UNIT}rows"),
     "rows across the pad": (f"{UNIT}rows",),
@@ -87,6 +88,7 @@ FEATURE_WORDS = {
     "all with parts": "all features with parts",
     "across the pad": "features across the pad",
     "tared": "tared features",
+    "start": "the trial's start",
     "both parts": "parts, also across the pad",
     "both rows": "rows, also across the pad",
     KERNELS: "MiniRocket's kernels",
@@ -167,7 +169,7 @@ class Candidate:
 
 
 def feature_sets(
-    steps: int, channels: int, padded: bool = False, *, grids: bool = False
+    steps: int, channels: int, padded: bool = False, *, grids: bool = False, starts: bool = False
 ) -> dict[str, tuple[str, ...]]:
     """Return the feature sets that windows of this size have, without those that are alike.
 
@@ -179,11 +181,14 @@ def feature_sets(
         channels: Of the array.
         padded: Whether some windows are padded.
         grids: Whether some channels lie in a grid.
+        starts: Whether each window begins where its trial does.
     """
     rows = not padded and (steps == 1 or steps * channels <= MOST_ROW_VALUES)
     without = set() if rows else ROW_BLOCKS
     if padded:
         without = without | {"distribution"}
+    if not starts:
+        without = without | {"start"}
     if seen_rows(steps, channels) <= PARTS and not padded:
         without = without | {"parts"}
     found: dict[str, tuple[str, ...]] = {}

@@ -69,8 +69,10 @@ class Part:
             return self.quick
         windows = self.prepared.dataset.windows
         _, steps, channels = windows.values.shape
-        grids = bool(self.prepared.grids)
-        return feature_sets(steps, channels, padded=bool(windows.padded), grids=grids)
+        return feature_sets(
+            steps, channels, padded=bool(windows.padded), grids=bool(self.prepared.grids),
+            starts=self.prepared.starts,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -81,6 +81,8 @@ class Prepared:
     """Features that are fitted, of the folds that were asked for last."""
     measured: Prepared | None = None
     """The same windows as measured, where levels follow here."""
+    starts: bool = False
+    """Whether each window begins where its trial does, and holds all of it."""
     unseen: NDArray[np.bool_] | None = None
     """Which trials of the data set nothing may be learned from, shape (trials,); None: none."""
     following: dict[str, Prepared] = field(default_factory=dict)
@@ -292,8 +294,9 @@ def prepare(base: Base, config: WindowConfig, span: int) -> Prepared:
     part = order * stride // max(1, span)
     _, stretch = np.unique(np.stack([trial, part]), axis=1, return_inverse=True)
     unseen = np.isin(own, sorted(base.unseen))
+    starts = base.alone and config.steps >= int(base.rows[base.own].max())
     return Prepared(config, dataset, trial, scored, kept, stretch.ravel().astype(np.intp),
-                    unseen=unseen if unseen.any() else None)  # fmt: skip
+                    starts=starts, unseen=unseen if unseen.any() else None)  # fmt: skip
 
 
 def prepare_all(base: Base) -> list[Prepared]:
