@@ -59,6 +59,21 @@ def test_of_few_windows_a_baseline_still_finds_what_the_channel_means_give_away(
     assert trivial["length of the trial"] < 0.5
 
 
+def test_of_many_channels_a_baseline_finds_what_all_of_them_give_away_together() -> None:
+    """Twenty trees look at few of 120 channels; they named a third of these windows."""
+    dataset = make_dataset(sessions=3, trials_a_session=60, windows_a_trial=1, classes=6)
+    split = by_group(dataset, "shape", "session", 3, seed=0)
+    rng = np.random.default_rng(0)
+    steps = dataset.windows.values.shape[1]
+    classes = rng.normal(0.0, 1.0, (6, 120))[dataset.class_numbers("shape")]
+    values = classes[:, None] + rng.normal(0.0, 4.0, (len(dataset), 1, 120)) + np.zeros((steps, 1))
+    many = replace(dataset, windows=replace(dataset.windows, values=values.astype(np.float32)))
+
+    trivial = trivial_accuracies(many, "shape", split.folds)
+
+    assert trivial["first row of the trial"] > 0.6
+
+
 @pytest.mark.slow
 def test_majority_is_what_the_best_constant_answer_reaches_whatever_is_held_out() -> None:
     """With objects held out the training part's commonest class is never that of the test."""
