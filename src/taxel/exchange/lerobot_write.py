@@ -56,6 +56,9 @@ class Written:
     """Largest difference between frame / fps and when a frame was taken, seconds."""
     recordings_left_out: list[str] = field(default_factory=list)
     """Recordings without an episode: no scan, no image of some camera, or no mark to cut at."""
+    marks_left_out: list[str] = field(default_factory=list)
+    """Names of the marks without an episode, as no scan, or no image of the first camera, lies in
+    them; those of recordings above are not among them."""
     truth: tuple[str, ...] = ()
     """Channels that are a simulator's ground truth: they are under truth, not observation."""
 
@@ -98,10 +101,13 @@ def write_lerobot(
             for done, path in enumerate(paths, 1):
                 writer.check(path)
                 before = writer.written.frames
-                for episode in episodes_of(path, rhythm, cut):
+                empty: list[str] = []
+                for episode in episodes_of(path, rhythm, cut, empty.append):
                     writer.add(episode)
                 if writer.written.frames == before:
                     writer.written.recordings_left_out.append(path.name)
+                else:
+                    writer.written.marks_left_out += empty
                 progress(done, len(paths))
         finally:
             writer.close_data()

@@ -83,10 +83,14 @@ class Lerobot:
             say(depth_line(left_out))
         if names := written.recordings_left_out:
             lack = (
-                "labelled interval" if self.episodes == "mark" else "scan, or no image of a camera"
-            )
+                "labelled interval that holds a frame" if self.episodes == "mark"
+                else "scan, or no image of a camera"
+            )  # fmt: skip
             some = ", ".join(map(visible, names[:6])) + (" …" if names[6:] else "")
             say(f"left out {number_of(len(names), 'recording')} with no {lack}: {some}")
+        if marks := written.marks_left_out:
+            some = ", ".join(map(visible, marks[:6])) + (" …" if marks[6:] else "")
+            say(f"left out {number_of(len(marks), 'labelled interval')} without a frame: {some}")
         if written.scans_left_out:
             say(f"{number_of(written.scans_left_out, 'scan')} in no window; give more with --rows")
         if written.images_left_out:
