@@ -60,6 +60,20 @@ def test_tasks_hold_the_labels_of_all_intervals_at_a_frame(make, tmp_path):
     assert written.tasks == [f"grasp: stable, {shared}", f"grasp: slip, {shared}"]
 
 
+def test_images_that_a_silent_camera_gave_long_before_are_warned_of(make, tmp_path, capsys):
+    """The right camera's last image, 1.4 s old in the end, stood beside the left one's."""
+    path = make(tmp_path / "r.mcap", array=False)
+    with Recorder(tmp_path / "silent.mcap", read_recording(path).manifest) as recorder:
+        for frame in iterate_jpeg(path):
+            if frame.camera == 0 or frame.counter < 5:
+                recorder.frame(frame)
+    for name, warned in (("r", False), ("silent", True)):
+        recording, output = tmp_path / f"{name}.mcap", tmp_path / f"{name}-set"
+        main(["export", "lerobot", str(recording), "--output", str(output)])
+        printed = " ".join(capsys.readouterr().out.split())
+        assert ("the images of a frame are up to 1.4 s apart" in printed) == warned
+
+
 @pytest.mark.parametrize("as_json", [False, True])
 def test_an_interval_without_a_frame_is_named(as_json, make, tmp_path, capsys):
     """Other intervals of its recording give episodes, so that the recording is not left out."""

@@ -53,6 +53,7 @@ class Lerobot:
         self._check()
         need_packages("pyarrow", "cv2", purpose="LeRobot data sets")
         from taxel.exchange.lerobot_write import write_lerobot
+        from taxel.windows.pairs import LARGEST_SKEW_S
 
         paths = list_recordings(self.recordings)
         left_out = depth_cameras(paths)
@@ -76,6 +77,12 @@ class Lerobot:
         say(
             f"frame / fps differs from the time of a frame by up to {1000 * written.drift_s:.3g} ms"
         )
+        if written.apart_s > LARGEST_SKEW_S:
+            say(
+                f"warning: the images of a frame are up to {written.apart_s:.3g} s apart, as where "
+                "a camera fell silent; their times are in the columns taxel.frame_s.NAME",
+                style="yellow",
+            )
         if written.truth:
             channels = ", ".join(written.truth)
             say(f"ground truth of the simulator, under truth and not observation: {channels}")
