@@ -183,8 +183,13 @@ class ForeignEpisode:
         shape = self._info.shape(self._key)
         width, rows = shape[-1], shape[0] if len(shape) == 2 else 1
         named = self._info.features[self._key].any("names")
-        fits = isinstance(named, list) and len(named) == width
-        names = tuple(map(str, named)) if fits else tuple(f"{i}" for i in range(width))
+        if isinstance(named, dict) and len(named) == 1:  # as {"motors": […]}
+            (named,) = named.values()
+        names = tuple(map(str, named)) if isinstance(named, list) else ()
+        if (
+            len(names) != width or len({*names, ""}) != width + 1
+        ):  # channels have names of their own
+            names = tuple(f"{i}" for i in range(width))
         return SensorInfo(
             name="state", channels=names, units=("",) * width,
             rate_hz=float(self._info.fps * rows), details=details,
