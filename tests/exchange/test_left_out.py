@@ -121,3 +121,23 @@ def test_a_folder_in_the_way_of_an_import_is_not_called_a_damaged_data_set(
     with pytest.raises(BadTable, match=message):
         import_lerobot(tmp_path / "set", tmp_path / "back", overwrite=overwrite)
     assert [path.name for path in (tmp_path / "back").iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.parametrize("kind", ["lerobot", "video", "parquet", "ros2"])
+@pytest.mark.parametrize("own", ["README.md", "meta/notes.txt"])
+def test_somebodys_file_beside_what_was_exported_is_not_replaced(kind, own, make, tmp_path, capsys):
+    """--overwrite removed it with the folder, such as the card of a data set."""
+    if kind == "video":
+        pytest.importorskip("av")
+    recording = make(tmp_path / "r.mcap")
+    command = ["export", kind, str(recording), "--output", str(tmp_path / "set"), "--overwrite"]
+    main(command)
+    main(command)
+    mine = tmp_path / "set" / own
+    mine.parent.mkdir(exist_ok=True)
+    mine.write_text("mine")
+    with pytest.raises(SystemExit) as stopped:
+        main(command)
+    assert stopped.value.code == 2
+    assert f"set with {own}; move what you need" in capsys.readouterr().err
+    assert mine.read_text() == "mine"

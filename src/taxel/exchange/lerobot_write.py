@@ -97,7 +97,7 @@ def write_lerobot(
     """
     manifest = read_manifest(paths[0])
     rhythm = rhythm_of(manifest, paths[0], fps, rows)
-    with new_tree(output, layout.INFO, overwrite=overwrite) as made:
+    with new_tree(output, layout.INFO, (".parquet", ".json"), overwrite=overwrite) as made:
         writer = _Writer(made, manifest, rhythm)
         try:
             for done, path in enumerate(paths, 1):
