@@ -37,9 +37,9 @@ from taxel.live.trial_watch import TrialWatch
 from taxel.live.whole_trials import check_trials, predict_trials
 from taxel.recordings.imports.video_rows import read_video_rows
 from taxel.recordings.imports.videos import import_videos
-from taxel.recordings.manifest import Manifest
+from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.writer import Recorder
-from taxel.signals import Samples, SensorInfo
+from taxel.signals import CameraInfo, Samples, SensorInfo
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.pairs import FramePairer
 from taxel.windows.trial_crops import FAMILIES
@@ -130,6 +130,29 @@ def test_trials_of_the_same_cameras_in_another_order_are_refused(tmp_path: Path)
             TrialWatch(SimpleNamespace(contract=contract), source.cameras)  # type: ignore[arg-type]
     with pytest.raises(BadBundle, match="number of cameras"):
         contract_from_json(contract_to_json(replace(contract, names=("left",))))
+
+
+def test_a_recording_of_swapped_cameras_is_named_before_the_first_is_replayed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With --json the verdicts on the recordings before it were lost."""
+    left, right = (
+        CameraInfo(name=name, width=30, height=20, rate_hz=25.0) for name in ("left", "right")
+    )
+    for name, cameras in (("0", (left, right)), ("1", (right, left))):
+        with Recorder(tmp_path / f"{name}.mcap", Manifest(sensor=NO_ARRAY, cameras=cameras)):
+            pass
+    contract = TrialContract(
+        target="kind", classes=("a", "b"), crop=9, places=1, views=("pixels",), versions=("",),
+        cameras=2, width=30, height=20, rate_hz=25.0, mm_per_px=0.065, sharpness=1.0,
+        threshold=None, data_digest="", measured={}, software="", names=("left", "right"),
+    )  # fmt: skip
+    bundle = SimpleNamespace(contract=contract)
+    monkeypatch.setattr("taxel.bundles.trials.read_trial_bundle", lambda *_: bundle)
+    words = {"as_json": False, "rules": RuleTable(()), "device": "cpu"}
+    with pytest.raises(BadBundle, match="got right, left in "):
+        live_trials(tmp_path / "a.taxel", str(tmp_path), None, 0.5, **words)
+    assert capsys.readouterr().out == ""
 
 
 @pytest.mark.slow
