@@ -90,7 +90,7 @@ def test_trials_are_summed_up_and_no_further_trial_is_begun(
 ) -> None:
     tally = TrialTally("shape", trials=[{"verdict": "ball", "truth": None}])
     run = stopped_by(getattr(signal, name), tally)
-    bundle = SimpleNamespace(contract=SimpleNamespace(cameras=0, crop=2))
+    bundle = SimpleNamespace(contract=SimpleNamespace(cameras=0, crop=2, check=lambda *_: None))
     monkeypatch.setattr("taxel.bundles.trials.read_trial_bundle", lambda *_: bundle)
     monkeypatch.setattr("taxel.live.trial_session.run_trial_session", run)
     live_trials(

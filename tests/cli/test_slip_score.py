@@ -3,13 +3,20 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from taxel.bundles.grasp import read_grasp_bundle, read_grasp_contract
 from taxel.bundles.shipped import BOTH_GELS, CUP_POUR, find_bundle, shipped_bundle
+from taxel.cli.evaluation.grasp_bundle import trained_on_warning
 from taxel.cli.live.grasps import number_words
 from taxel.cli.main import main
 from taxel.errors import BadBundle
+from taxel.frame_codec import encode_jpeg
+from taxel.recordings.manifest import NO_ARRAY, Manifest
+from taxel.recordings.writer import Recorder
+from taxel.signals import CameraInfo, Frame
+from taxel.windows.camera_recordings import digest_of_all, read_camera_recording
 
 
 @pytest.mark.parametrize("name", [CUP_POUR, BOTH_GELS, "slip-rule"])
@@ -71,3 +78,32 @@ def test_a_users_own_file_of_that_name_is_theirs(
     Path("slip-forecast").touch()
 
     assert find_bundle(Path("slip-forecast")) == Path("slip-forecast")
+
+
+def test_a_score_on_the_training_recordings_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A monitor keeps one digest of all of them, so that other choices are not known again."""
+    camera = CameraInfo(name="gel", width=32, height=24, rate_hz=25.0)
+    for number in range(3):
+        manifest = Manifest(sensor=NO_ARRAY, cameras=(camera,), labels={})
+        with Recorder(tmp_path / f"{number}.mcap", manifest) as recorder:
+            for i in range(3):
+                image = np.full((24, 32, 3), (200, 9 * i, 50 * number), np.uint8)
+                recorder.frame(Frame(camera=0, jpeg=encode_jpeg(image), counter=i, device_s=i / 25,
+                                     arrival_s=i / 25, fitted_s=i / 25))  # fmt: skip
+    files = sorted(tmp_path.glob("*.mcap"))
+    digest = digest_of_all([read_camera_recording(file, least=1) for file in files])
+    monitor = replace(
+        read_grasp_contract(shipped_bundle(CUP_POUR)), features="gel", data_digest=digest
+    )
+    for contract, chosen, known in (
+        (monitor, files, True), (monitor, files[1:], False),
+        (replace(monitor, features="slip"), files, False),
+    ):  # fmt: skip
+        monkeypatch.setattr(
+            "taxel.bundles.grasp.read_grasp_contract", lambda _, own=contract: own
+        )  # fmt: skip
+        warning = trained_on_warning(tmp_path / "mine.taxel", chosen)
+        assert (warning is not None) == known
+        assert not known or str(warning).startswith("the bundle was trained on 3 of these")

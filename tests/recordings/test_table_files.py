@@ -2,6 +2,7 @@
 
 import os
 import re
+import unicodedata
 from pathlib import Path
 
 import pytest
@@ -90,3 +91,24 @@ def test_a_name_that_can_be_none_is_one_line(folder):
 
     with pytest.raises(BadTable):
         import_table(folder / "table.csv", folder / "out")
+
+
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+def test_a_video_is_found_however_its_letters_are_composed(tmp_path, form):
+    """Names that macOS decomposed look the same: "no file grün.avi" named what is there."""
+    other = "NFC" if form == "NFD" else "NFD"
+    file = tmp_path / unicodedata.normalize(form, "Öl/grün.avi")
+    file.parent.mkdir()
+    file.write_bytes(b"")
+    (tmp_path / "own.avi").write_bytes(b"")
+    os.symlink(tmp_path / "own.avi", file.parent / unicodedata.normalize(form, "ä.avi"))
+    for cell, found in (("Öl/grün.avi", file.name), ("Öl/ä.avi", None)):
+        path = file.parent / "t.csv"
+        path.write_text(f"left\n{unicodedata.normalize(other, cell)}\n", encoding="utf-8")
+        (row,) = read_video_rows(path, tmp_path)
+        assert row.name == unicodedata.normalize("NFC", f"0001-{Path(cell).stem}")
+        assert row.files["left"].is_file()
+        assert found is None or row.files["left"] == file
+    path.write_text(f"left\n{unicodedata.normalize(other, 'ä.avi')}\n", encoding="utf-8")
+    with pytest.raises(BadTable, match="which lies outside"):
+        read_video_rows(path, file.parent)

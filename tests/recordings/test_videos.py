@@ -306,3 +306,50 @@ def test_frames_that_are_not_evenly_spaced_are_reported(
     assert len(list(iterate_frames(made))) == len(at_ms)
     if uneven:
         assert found[0].steps_s == pytest.approx((0.04, 0.12))
+
+
+def encoded(path: Path, codec: str, frames: int = 30) -> Path:
+    """Write a video of some coding."""
+    av = pytest.importorskip("av")
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=25, width=64, height=48, pix_fmt="yuv420p")
+        for number in range(frames):
+            image = np.full((48, 64, 3), (160, 90, 20), np.uint8)
+            image[:, number : number + 8] = 250
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(image)))
+        container.mux(stream.encode(None))
+    return path
+
+
+@pytest.mark.parametrize("ending", [".mkv", ".mov"])
+def test_a_video_of_which_no_frame_can_be_decoded_is_refused(tmp_path: Path, ending: str) -> None:
+    """As AV1 where OpenCV cannot decode it: Matroska gave a recording without frames."""
+    av = pytest.importorskip("av")
+    path = tmp_path / f"a{ending}"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("mjpeg", rate=25, width=64, height=48, pix_fmt="yuvj420p")
+        for number in range(20):
+            packet = av.Packet(b"no image at all")
+            packet.stream, packet.time_base = stream, Fraction(1, 25)
+            packet.pts = packet.dts = number
+            container.mux(packet)
+    with pytest.raises(BadTable, match=f"can be decoded; got .*a{ending}, of which none can"):
+        run({"pad": path}, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["a.mpg", "a.mpeg"])
+def test_the_frames_of_an_mpeg_file_are_counted(tmp_path: Path, name: str) -> None:
+    """Such a file does not say how many it holds: it was refused with "says it has; got more"."""
+    path = encoded(tmp_path / name, "mpeg2video")
+    assert len(list(iterate_frames(run({"pad": path}, tmp_path / "out")))) == 30
+
+
+def test_frames_without_a_time_are_not_reported_as_uneven(tmp_path: Path) -> None:
+    """FFmpeg knows no time of the last frames of an AVI in H.264: "-1.16 to 0.04 s apart"."""
+    path = encoded(tmp_path / "a.avi", "libx264")
+    found: list[Video] = []
+    import_videos(
+        [VideoRow(name="a", files={"pad": path})], tmp_path / "out", on_uneven=found.append
+    )
+    assert found == []

@@ -12,7 +12,7 @@ Background of our choices: docs/decisions/0041.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ from taxel.bundles.signing import Trust
 from taxel.errors import BadBundle
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.models.devices import CPU
-from taxel.plain_text import number_of
+from taxel.plain_text import number_of, visible_names
 from taxel.windows.trial_crops import FAMILIES, PLACES
 from taxel.windows.trial_layout import Layout
 from taxel.windows.trial_network import FEATURES, IMAGES, SIDE_PX, Network
@@ -95,22 +95,31 @@ class TrialContract:
     network: str = ""
     """The image network that crops are looked at through, and where its weights come from; empty
     without one."""
+    names: tuple[str, ...] = ()
+    """Of the cameras, in the order in which the models take them; empty where it is not known."""
 
     @property
     def layout(self) -> Layout:
         """How a trial is cut."""
         return Layout(self.crop, self.places, self.moving, self.step)
 
-    def check(self, sizes: list[tuple[int, int]], rates_hz: list[float]) -> None:
+    def check(
+        self, names: Sequence[str], sizes: list[tuple[int, int]], rates_hz: list[float]
+    ) -> None:
         """Refuse cameras that this bundle was not made for.
 
         Raises:
-            BadBundle: Their number, size or rate differ.
+            BadBundle: Their number, order, size or rate differ.
         """
         if len(sizes) != self.cameras:
             raise BadBundle(
                 f"trials of {number_of(self.cameras, 'camera')}", f"{len(sizes)}",
                 "train a bundle on trials like these",
+            )  # fmt: skip
+        if tuple(names) != self.names and sorted(names) == sorted(self.names):
+            raise BadBundle(
+                f"the cameras in the order {visible_names(self.names)}", visible_names(names),
+                "bring the table's columns, or the cameras of the source, into that order",
             )  # fmt: skip
         for width, height in sizes:
             if (width, height) != (self.width, self.height):
@@ -263,6 +272,8 @@ def contract_to_json(contract: TrialContract) -> str:
         del data["step"]
     if not contract.weights:
         del data["weights"]
+    if not contract.names:
+        del data["names"]
     return json.dumps(data, indent=1, sort_keys=True, allow_nan=False)
 
 
@@ -275,7 +286,8 @@ def contract_from_json(text: str | bytes) -> TrialContract:
     try:
         data = parse_json(text)
         if isinstance(data, dict):  # what older bundles lack
-            data = {"learned": [], "network": "", "moving": False, "step": 1, "weights": {}} | data
+            data = {"learned": [], "network": "", "moving": False, "step": 1, "weights": {},
+                    "names": []} | data  # fmt: skip
         return _contract(Fields(data, "the contract"))
     except ValueError as error:  # BadFile is a ValueError
         raise BadBundle(
@@ -323,6 +335,9 @@ def _contract(entries: Fields) -> TrialContract:
         or not abs(sum(weights.values()) - 1) <= _ROUNDED  # nor NaN
     ):  # fmt: skip
         raise ValueError("weights of crops that are not one for each place, summing to 1")
+    cameras, names = entries.count("cameras", 1, _MOST_CAMERAS), entries.texts("names")
+    if names and len(names) != cameras:
+        raise ValueError("another number of cameras than of their names")
     return TrialContract(
         target=entries.text("target"),
         classes=classes,
@@ -333,7 +348,7 @@ def _contract(entries: Fields) -> TrialContract:
         weights=weights,
         views=views,
         versions=versions,
-        cameras=entries.count("cameras", 1, _MOST_CAMERAS),
+        cameras=cameras,
         width=entries.count("width", 1, _LARGEST_SIDE),
         height=entries.count("height", 1, _LARGEST_SIDE),
         rate_hz=entries.number("rate_hz", 0.001, 1e6),
@@ -345,6 +360,7 @@ def _contract(entries: Fields) -> TrialContract:
         software=entries.text("software"),
         learned=entries.texts("learned"),
         network=network,
+        names=names,
     )
 
 

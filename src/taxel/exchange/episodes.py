@@ -11,7 +11,7 @@ Background of our choices: docs/decisions/0051.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -78,12 +78,17 @@ class Episode:
         return int(np.count_nonzero(~covered))
 
     def labels_at(self, frame: int) -> dict[str, str]:
-        """Return the labels that hold at a frame: the recording's and those of its mark."""
+        """Return the labels that hold at a frame: the recording's and those of its marks.
+
+        Where marks give a label two values, as at the moment at which one ends and the next begins,
+        that of the last to begin holds.
+        """
         at_s = self.time_s[frame]
-        for mark in self.marks:
+        found = dict(self.manifest.labels)
+        for mark in sorted(self.marks, key=lambda mark: mark.start_s):
             if mark.start_s <= at_s <= mark.end_s:
-                return dict(self.manifest.labels) | dict(mark.labels)
-        return dict(self.manifest.labels)
+                found |= dict(mark.labels)
+        return found
 
     def windows(self, start: int, stop: int) -> tuple[Samples, NDArray[np.bool_]]:
         """Return the scans of some frames' windows, one after another, and which of them exist.
@@ -170,8 +175,19 @@ def rhythm_of(manifest: Manifest, path: Path, fps: int | None, rows: int | None)
     return Rhythm(fps=fps or max(1, round(sensor.rate_hz / rows)), rows=rows)
 
 
-def episodes_of(path: Path, rhythm: Rhythm, cut: Cut = "recording") -> Iterator[Episode]:
+def episodes_of(
+    path: Path,
+    rhythm: Rhythm,
+    cut: Cut = "recording",
+    on_empty: Callable[[str], None] = lambda name: None,
+) -> Iterator[Episode]:
     """Yield a recording's episodes; those without a frame are passed over.
+
+    Args:
+        path: The recording.
+        rhythm: How it is cut into frames.
+        cut: What an episode is.
+        on_empty: Called with the name that each mark without a frame would have as an episode.
 
     Raises:
         BadRecording: It is damaged or cut short.
@@ -187,14 +203,16 @@ def episodes_of(path: Path, rhythm: Rhythm, cut: Cut = "recording") -> Iterator[
             int(np.searchsorted(recording.samples.fitted_s, mark.end_s, "right")),
         )
         time_s, images, first = _grid(recording.samples, camera_s, mark, limits, rhythm.rows)
+        name = path.stem if cut == "recording" else f"{path.stem}_{number:04d}"
+        if not len(time_s) and cut == "mark":
+            on_empty(name)
         if len(time_s):
             about = replace(
                 manifest, labels=dict(manifest.labels) | dict(mark.labels),
                 groups=dict(manifest.groups) | dict(mark.groups),
             )  # fmt: skip
             yield Episode(
-                path=path, name=path.stem if cut == "recording" else f"{path.stem}_{number:04d}",
-                manifest=about, samples=recording.samples,
+                path=path, name=name, manifest=about, samples=recording.samples,
                 marks=tuple(recording.marks) if cut == "recording" else (),
                 time_s=time_s, images=images, first_scan=first, limits=limits, rows=rhythm.rows,
             )  # fmt: skip

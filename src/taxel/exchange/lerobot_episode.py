@@ -132,17 +132,21 @@ class ForeignEpisode:
 
     @property
     def marks(self) -> list[Mark]:
-        """A mark for each stretch of a task, where an episode has several."""
+        """A mark for each stretch of a task, where an episode has several.
+
+        It holds all scans of its frames, of which those of a window come before their frame.
+        """
         found: list[Mark] = []
-        fps = self._info.fps
+        step_s = 1.0 / (self._info.fps * self._rows)
+        before_s = (self._rows - 1) * step_s
         for place, (start_s, words) in enumerate(self._task):
             if place and self._task[place - 1][1] == words:
                 found[-1] = replace(found[-1], end_s=start_s)
             else:
                 labels = {"task": composed(words)}
-                found.append(Mark(start_s=start_s, end_s=start_s, labels=labels))
+                found.append(Mark(start_s=start_s - before_s, end_s=start_s, labels=labels))
         many = len({words for _, words in self._task}) > 1
-        return [replace(mark, end_s=mark.end_s + 0.5 / fps) for mark in found] if many else []
+        return [replace(mark, end_s=mark.end_s + 0.5 * step_s) for mark in found] if many else []
 
     def items(self, part: pa.RecordBatch) -> Iterator[Samples | Frame]:
         """Yield the scans and images of some frames."""
@@ -177,17 +181,28 @@ class ForeignEpisode:
     def _names(self) -> tuple[str, ...]:
         return self.manifest.sensor.channels
 
+    @property
+    def _rows(self) -> int:
+        """Scans of a frame; 1 without an array."""
+        shape = () if self._key is None else self._info.shape(self._key)
+        return shape[0] if len(shape) == 2 else 1
+
     def _sensor(self, details: Mapping[str, str]) -> SensorInfo:
         if self._key is None:
             return NO_ARRAY
         shape = self._info.shape(self._key)
-        width, rows = shape[-1], shape[0] if len(shape) == 2 else 1
+        width = shape[-1]
         named = self._info.features[self._key].any("names")
-        fits = isinstance(named, list) and len(named) == width
-        names = tuple(map(str, named)) if fits else tuple(f"{i}" for i in range(width))
+        if isinstance(named, dict) and len(named) == 1:  # as {"motors": […]}
+            (named,) = named.values()
+        names = tuple(map(str, named)) if isinstance(named, list) else ()
+        if (
+            len(names) != width or len({*names, ""}) != width + 1
+        ):  # channels have names of their own
+            names = tuple(f"{i}" for i in range(width))
         return SensorInfo(
             name="state", channels=names, units=("",) * width,
-            rate_hz=float(self._info.fps * rows), details=details,
+            rate_hz=float(self._info.fps * self._rows), details=details,
         )  # fmt: skip
 
 

@@ -54,8 +54,13 @@ class Written:
     """Images within episodes that no frame has."""
     drift_s: float = 0.0
     """Largest difference between frame / fps and when a frame was taken, seconds."""
+    apart_s: float = 0.0
+    """Largest time between the images of a frame, seconds: long where a camera fell silent."""
     recordings_left_out: list[str] = field(default_factory=list)
     """Recordings without an episode: no scan, no image of some camera, or no mark to cut at."""
+    marks_left_out: list[str] = field(default_factory=list)
+    """Names of the marks without an episode, as no scan, or no image of the first camera, lies in
+    them; those of recordings above are not among them."""
     truth: tuple[str, ...] = ()
     """Channels that are a simulator's ground truth: they are under truth, not observation."""
 
@@ -92,16 +97,19 @@ def write_lerobot(
     """
     manifest = read_manifest(paths[0])
     rhythm = rhythm_of(manifest, paths[0], fps, rows)
-    with new_tree(output, layout.INFO, overwrite=overwrite) as made:
+    with new_tree(output, layout.INFO, (".parquet", ".json"), overwrite=overwrite) as made:
         writer = _Writer(made, manifest, rhythm)
         try:
             for done, path in enumerate(paths, 1):
                 writer.check(path)
                 before = writer.written.frames
-                for episode in episodes_of(path, rhythm, cut):
+                empty: list[str] = []
+                for episode in episodes_of(path, rhythm, cut, empty.append):
                     writer.add(episode)
                 if writer.written.frames == before:
                     writer.written.recordings_left_out.append(path.name)
+                else:
+                    writer.written.marks_left_out += empty
                 progress(done, len(paths))
         finally:
             writer.close_data()
@@ -163,6 +171,7 @@ class _Writer:
             stop = min(at + _ROWS, len(episode))
             pictures = list(islice(frames, stop - at)) if len(episode.images) else []
             values = self._numbers(episode, at, stop, number, tasks) | _exact(episode, pictures, at)
+            self.written.apart_s = max(self.written.apart_s, _apart_s(pictures))
             self._data.write_batch(self._batch(values, pictures))
             for key, part in _measured(values, self._keys).items():
                 columns.setdefault(key, []).append(part)
@@ -341,6 +350,12 @@ def _exact(
         found[layout.image_time_key(info.name)] = np.array(times)
         found[layout.image_number_key(info.name)] = episode.images[camera, at:stop]
     return found
+
+
+def _apart_s(pictures: Sequence[tuple[Frame, ...]]) -> float:
+    """Return the largest time between the images of a frame, seconds."""
+    times = [[frame.fitted_s for frame in row] for row in pictures]
+    return max((max(own) - min(own) for own in times), default=0.0)
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> pa.Table:

@@ -88,7 +88,7 @@ def write_tables(
     """
     rows_written: dict[str, dict[str, int]] = {}
     manifests = {}
-    with new_tree(output, SIGN, overwrite=overwrite) as made:
+    with new_tree(output, SIGN, (".parquet",), overwrite=overwrite) as made:
         for done, path in enumerate(paths, 1):
             manifest = read_manifest(path)
             manifests[path.stem] = to_record(manifest)

@@ -37,6 +37,8 @@ from taxel.signals import Frame, Samples
 PACKAGE = "taxel_msgs"
 """Folder of the message's package, beside the bags."""
 SIGN = f"{PACKAGE}/package.xml"
+_KINDS = (".mcap", "metadata.yaml", "CMakeLists.txt", ".msg")
+"""Endings and names of the other files in such a folder."""
 STATE_TYPE = f"{PACKAGE}/msg/TactileState"
 STATE_FIELDS = """\
 # All channels of a touch sensor at one moment. Written by taxel.
@@ -123,7 +125,7 @@ def write_bags(
         RecordingFailed: The disk refused.
     """
     messages_written = {}
-    with new_tree(output, SIGN, overwrite=overwrite) as made:
+    with new_tree(output, SIGN, _KINDS, overwrite=overwrite) as made:
         _write_package(made / PACKAGE)
         for done, path in enumerate(paths, 1):
             messages_written[path.stem] = _write_bag(path, made / path.stem)

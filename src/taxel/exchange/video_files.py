@@ -64,7 +64,7 @@ def write_videos(
         RecordingFailed: The disk refused.
     """
     frames_written: dict[str, int] = {}
-    with new_tree(output, SIGN, overwrite=overwrite) as made:
+    with new_tree(output, SIGN, (*ENDINGS.values(),), overwrite=overwrite) as made:
         (made / SIGN).touch()
         for done, path in enumerate(paths, 1):
             cameras = read_manifest(path).of_jpeg

@@ -74,6 +74,7 @@ class TrialWatch:
     ) -> None:
         contract = bundle.contract
         contract.check(
+            [camera.name for camera in cameras],
             [(camera.width, camera.height) for camera in cameras],
             [camera.rate_hz for camera in cameras],
         )

@@ -153,6 +153,7 @@ def check_trials(contract: TrialContract, trials: Sequence[CameraTrial]) -> None
     """
     for trial in trials:
         try:
-            contract.check([(trial.width, trial.height)] * len(trial.cameras), [trial.rate_hz])
+            sizes = [(trial.width, trial.height)] * len(trial.cameras)
+            contract.check(trial.cameras, sizes, [trial.rate_hz])
         except BadBundle as error:
             raise BadBundle(error.needed, f"{error.got} in {trial.name}", error.mend) from error

@@ -191,6 +191,11 @@ def read_camera_recordings(path: Path | str, least: int = LEAST_FRAMES) -> list[
     return pours
 
 
+def digest_of_all(pours: Sequence[CameraRecording]) -> str:
+    """Return the SHA-256 over all images of some recordings in order, hexadecimal."""
+    return hashlib.sha256("".join(pour.digest for pour in pours).encode()).hexdigest()
+
+
 def image_size(pours: Sequence[CameraRecording]) -> tuple[int, int]:
     """Return width and height of all cameras' images, pixels.
 

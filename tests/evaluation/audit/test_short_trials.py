@@ -2,11 +2,16 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from taxel.errors import BadDataset
 from taxel.evaluation.audit.reading import read_touch
+from taxel.frame_codec import encode_jpeg
 from taxel.recordings.imports.importing import import_table
+from taxel.recordings.manifest import NO_ARRAY, Manifest
+from taxel.recordings.writer import Recorder
+from taxel.signals import CameraInfo, Frame
 
 
 def test_where_all_trials_of_a_class_are_too_short_the_refusal_says_so(tmp_path: Path) -> None:
@@ -20,3 +25,20 @@ def test_where_all_trials_of_a_class_are_too_short_the_refusal_says_so(tmp_path:
 
     with pytest.raises(BadDataset, match=r"outcome; 2 trials of fewer than 3 rows: left out"):
         read_touch(tmp_path / "set", None, lambda *_: None)
+
+
+def test_recordings_of_a_still_camera_are_not_called_short(tmp_path: Path) -> None:
+    """They have eight frames each; of those that repeat, the audit looks at the first."""
+    image = np.zeros((24, 32, 3), np.uint8)
+    image[:, :, 0] = 200
+    camera = CameraInfo(name="gel", width=32, height=24, rate_hz=25.0)
+    for number in range(2):
+        manifest = Manifest(sensor=NO_ARRAY, cameras=(camera,), labels={"kind": f"{number}"})
+        with Recorder(tmp_path / f"{number}.mcap", manifest) as recorder:
+            for i in range(8):
+                at_s = i / 25
+                recorder.frame(Frame(camera=0, jpeg=encode_jpeg(image), counter=i, device_s=at_s,
+                                     arrival_s=at_s, fitted_s=at_s))  # fmt: skip
+
+    with pytest.raises(BadDataset, match="trials of at least 3 different frames"):
+        read_touch(tmp_path, None, lambda *_: None)

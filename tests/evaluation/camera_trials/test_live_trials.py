@@ -33,14 +33,16 @@ from taxel.live.frame_loop import moments_and_marks
 from taxel.live.station.station import Station
 from taxel.live.station.wiring import StationConfig
 from taxel.live.trial_replay import TrialReplay
-from taxel.live.whole_trials import predict_trials
+from taxel.live.trial_watch import TrialWatch
+from taxel.live.whole_trials import check_trials, predict_trials
 from taxel.recordings.imports.video_rows import read_video_rows
 from taxel.recordings.imports.videos import import_videos
-from taxel.recordings.manifest import Manifest
+from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.writer import Recorder
-from taxel.signals import Samples, SensorInfo
+from taxel.signals import CameraInfo, Samples, SensorInfo
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.pairs import FramePairer
+from taxel.windows.trial_crops import FAMILIES
 
 
 @pytest.fixture(autouse=True)
@@ -88,6 +90,69 @@ def test_a_trial_of_another_camera_is_named_before_the_first_is_looked_at(
     assert capsys.readouterr().out == ""
     with pytest.raises(BadBundle, match="31×20 in 0002-1"):
         next(predict_trials(bundle, read_camera_trials(table)))  # type: ignore[arg-type]
+
+
+def test_trials_of_the_same_cameras_in_another_order_are_refused(tmp_path: Path) -> None:
+    """Models know cameras by their place: swapped columns gave wrong verdicts without a word.
+
+    Bundles that do not hold the names, and cameras of other names, are taken as they come.
+    """
+    cameras = ("left", "middle", "right")
+    for name in cameras:
+        np.save(tmp_path / f"{name}.npy", np.zeros((9, 20, 30), np.uint8))
+    contract = TrialContract(
+        target="kind", classes=("a", "b"), crop=9, places=1, views=("pixels",),
+        versions=(FAMILIES["pixels"].key,), cameras=3, width=30, height=20, rate_hz=25.0,
+        mm_per_px=0.065, sharpness=1.0, threshold=None, data_digest="", measured={}, software="",
+        names=cameras,
+    )  # fmt: skip
+    contract = contract_from_json(contract_to_json(contract))
+    assert contract.names == cameras
+    older = contract_from_json(contract_to_json(replace(contract, names=())))
+    for columns, held in (
+        (("middle", "left", "right"), contract), (cameras, None), (cameras[::-1], contract)
+    ):  # fmt: skip
+        table = tmp_path / "t.csv"
+        table.write_text(
+            ",".join(f"camera:{name}" for name in columns)
+            + "\n" + ",".join(f"{name}.npy" for name in columns) + "\n"
+        )  # fmt: skip
+        trials = read_camera_trials(table)
+        check_trials(older, trials)
+        check_trials(replace(contract, names=("a", "b", "c")), trials)
+        if held is None:
+            check_trials(contract, trials)
+            continue
+        wanted = f"order left, middle, right; got {', '.join(columns)} in 0001-{columns[0]}"
+        with pytest.raises(BadBundle, match=wanted):
+            check_trials(contract, trials)
+        with TrialReplay(trials[0]) as source, pytest.raises(BadBundle, match="in the order left"):
+            TrialWatch(SimpleNamespace(contract=contract), source.cameras)  # type: ignore[arg-type]
+    with pytest.raises(BadBundle, match="number of cameras"):
+        contract_from_json(contract_to_json(replace(contract, names=("left",))))
+
+
+def test_a_recording_of_swapped_cameras_is_named_before_the_first_is_replayed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With --json the verdicts on the recordings before it were lost."""
+    left, right = (
+        CameraInfo(name=name, width=30, height=20, rate_hz=25.0) for name in ("left", "right")
+    )
+    for name, cameras in (("0", (left, right)), ("1", (right, left))):
+        with Recorder(tmp_path / f"{name}.mcap", Manifest(sensor=NO_ARRAY, cameras=cameras)):
+            pass
+    contract = TrialContract(
+        target="kind", classes=("a", "b"), crop=9, places=1, views=("pixels",), versions=("",),
+        cameras=2, width=30, height=20, rate_hz=25.0, mm_per_px=0.065, sharpness=1.0,
+        threshold=None, data_digest="", measured={}, software="", names=("left", "right"),
+    )  # fmt: skip
+    bundle = SimpleNamespace(contract=contract)
+    monkeypatch.setattr("taxel.bundles.trials.read_trial_bundle", lambda *_: bundle)
+    words = {"as_json": False, "rules": RuleTable(()), "device": "cpu"}
+    with pytest.raises(BadBundle, match="got right, left in "):
+        live_trials(tmp_path / "a.taxel", str(tmp_path), None, 0.5, **words)
+    assert capsys.readouterr().out == ""
 
 
 @pytest.mark.slow

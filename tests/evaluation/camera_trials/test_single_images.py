@@ -155,7 +155,9 @@ def test_live_says_that_a_table_of_a_video_works_in_place(
 
 
 def test_audit_names_the_verb_for_single_images(tmp_path: Path) -> None:
-    with pytest.raises(BadDataset, match=r"3 frames.*24 trials.*taxel evaluate-trials --split"):
+    with pytest.raises(
+        BadDataset, match=r"3 different frames.*24 trials.*taxel evaluate-trials --split"
+    ):
         read_touch(pictures(tmp_path / "set"), None, lambda *_: None)
 
 

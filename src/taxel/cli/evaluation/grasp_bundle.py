@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from taxel.cli.printing import console, print_json, progress
+from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
 
 
@@ -51,7 +52,28 @@ def evaluate_grasp_bundle(
         )  # fmt: skip
     found = [judged(file, own) for file, own in zip(files, tracks, strict=True)]
     score = summed([grasp for grasps in found for grasp in grasps], folder)
+    warning = trained_on_warning(bundle, files)
     if as_json:
-        print_json(dict(finite(asdict(score) | {"bundle": name, "data": str(folder)})))
+        about = {"bundle": name, "data": str(folder), "warning": warning}
+        print_json(dict(finite(asdict(score) | about)))
         return
     console.print(grasp_score_table(score, name, str(folder)))
+    if warning is not None:
+        say(f"warning: {warning}", style="yellow")
+
+
+def trained_on_warning(bundle: Path, files: Sequence[Path]) -> str | None:
+    """Return a warning where these are the very recordings that a monitor was trained on.
+
+    Of some of them, or more, a bundle does not say it; slip warnings are trained on simulated cups.
+    """
+    from taxel.bundles.grasp import SLIP_COLUMNS, read_grasp_contract
+    from taxel.views.tables.trained_on import trained_on_line
+    from taxel.windows.camera_recordings import digest_of_all, read_camera_recording
+
+    contract = read_grasp_contract(bundle)
+    if contract.features in SLIP_COLUMNS:
+        return None
+    pours = [read_camera_recording(file, least=1) for file in files]
+    same = digest_of_all(pours) == contract.data_digest
+    return trained_on_line([pour.name for pour in pours] if same else [], "recordings", known=True)

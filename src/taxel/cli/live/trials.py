@@ -83,7 +83,7 @@ def live_trials(
 
 
 def _check_cameras(contract: TrialContract, source: str) -> None:
-    """Refuse recordings of another number of cameras, before the first is replayed.
+    """Refuse recordings of other cameras, before the first is replayed.
 
     Raises:
         BadBundle: There is one.
@@ -107,6 +107,14 @@ def _check_cameras(contract: TrialContract, source: str) -> None:
                 f"{file}, which holds {found}{array if manifest.sensor.channels else ''}",
                 "name recordings of such trials, or train a bundle on trials like these",
             )
+        try:
+            contract.check(
+                [camera.name for camera in manifest.tactile],
+                [(camera.width, camera.height) for camera in manifest.tactile],
+                [camera.rate_hz for camera in manifest.tactile],
+            )
+        except BadBundle as error:
+            raise BadBundle(error.needed, f"{error.got} in {file}", error.mend) from error
 
 
 def _shown(bundle: TrialBundle, rules: RuleTable) -> Callable[[TrialAnswer, bool], None]:

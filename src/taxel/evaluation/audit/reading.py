@@ -348,7 +348,7 @@ def _assemble(
 
 def _refuse_short(trials: int, short: int, least: int, kind: str) -> None:
     """Raise BadDataset where all trials, or most of them, have fewer than `least` rows."""
-    what = "frames" if kind == "camera" else "rows"
+    what = "different frames" if kind == "camera" else "rows"  # repeated ones count once
     if short and not trials:
         raise BadDataset(
             f"trials of at least {least} {what}, to look for copies, drift and leaks in",
@@ -367,7 +367,7 @@ def _refuse_short(trials: int, short: int, least: int, kind: str) -> None:
 def _notes_on_lengths(reads: Sequence[_Read], short: int, least: int, kind: str) -> tuple[str, ...]:
     """Return notes on trials that are too short, and on recordings of which rows were left out."""
     notes: tuple[str, ...] = ()
-    what = "frames" if kind == "camera" else "rows"
+    what = "different frames" if kind == "camera" else "rows"
     if least < LEAST_ROWS:
         notes += (f"all trials have fewer than {LEAST_ROWS} rows, so what needs a course in time is"
                   " not checked: length, place, first row, level, windows, copies turned round",
@@ -376,7 +376,7 @@ def _notes_on_lengths(reads: Sequence[_Read], short: int, least: int, kind: str)
         notes += (f"{number_of(short, 'trial')} of fewer than {least} {what}: left out",)
     if every := {read.name: read.every for read in reads if read.every > 1}:
         rate = " or ".join(map(str, sorted(set(every.values()))))
-        notes += (f"more values than are held: one {what[:-1]} of {rate} is seen in {len(every)} "
+        notes += (f"more values than are held: one row of {rate} is seen in {len(every)} "
                   f"of {number_of(len(reads), 'recording')}; copies begun between are not found",
                   )  # fmt: skip
     return notes

@@ -109,6 +109,7 @@ def fit_final(
         software=f"taxel {__version__}",
         learned=fingerprints([images[index] for index in learned.tolist()]),
         network="" if network is None else network.words,
+        names=first.cameras,
     )
     bundle, parity = trial_bundle_bytes(
         contract,

@@ -5,7 +5,6 @@ It is written as the bundle that runs live. Knows nothing about screens.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +30,7 @@ from taxel.training.curves import Curve
 from taxel.training.frames.features import FrameFeatures
 from taxel.training.frames.heads import HeadConfig, TrainedHead, fit_head, tracks_of
 from taxel.training.frames.labels import rate_of
-from taxel.windows.camera_recordings import CameraRecording, image_size
+from taxel.windows.camera_recordings import CameraRecording, digest_of_all, image_size
 from taxel.windows.rest import SETTLE
 from taxel.windows.sequence import sequence_windows
 
@@ -160,7 +159,6 @@ def _contract(
         if backbone is None
         else find_transition(f"{name}+{config.head}").parameters
     )
-    digest = hashlib.sha256("".join(pour.digest for pour in data.pours).encode()).hexdigest()
     return GraspContract(
         features=name,
         weights=backbone.weights.words if backbone else "",
@@ -177,7 +175,7 @@ def _contract(
         factor=tuple(tuple(map(float, row)) for row in learnt.head.factor),
         stability=learnt.stability,
         parameters=parameters,
-        data_digest=digest,
+        data_digest=digest_of_all(data.pours),
         measured=_measured(learnt),
         software=f"taxel {__version__}",
         names=tuple(own.name for own in data.pours[0].cameras),

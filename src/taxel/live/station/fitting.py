@@ -53,6 +53,7 @@ def misfit(
             contract.check_sensor(sensor)
         else:
             contract.check(
+                [camera.name for camera in cameras],
                 [(camera.width, camera.height) for camera in cameras],
                 [camera.rate_hz for camera in cameras],
             )

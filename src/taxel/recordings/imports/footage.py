@@ -65,9 +65,9 @@ def open_footage(path: Path) -> Footage:
 _MOST_UNEVEN = 0.5
 """Of a frame's period, by which the steps of a video may differ: cameras jitter. Source: our
 choice, docs/decisions/0041."""
-_WITHOUT_COUNT = (".mkv", ".webm")
+_WITHOUT_COUNT = (".mkv", ".webm", ".mpg", ".mpeg")
 """Endings of files that do not say how many frames they hold: OpenCV guesses it by their length in
-time and their rate."""
+time or in bytes and their rate."""
 _DECIMAL = re.compile(r"(.*?)(\d+)\.(\d+)")
 """A stem that ends in a decimal, as of images named by their moments."""
 
@@ -105,6 +105,8 @@ class Video:
             self.count = 0
             while self._capture.grab():
                 self.count += 1
+            if not self.count:
+                raise _none_decoded(path)
             self._capture = _opened(path)
 
     def digest(self) -> str:
@@ -120,6 +122,8 @@ class Video:
         before_s = math.nan
         for number in range(self.count):
             read, bgr = self._capture.read()
+            if not read and not number:
+                raise _none_decoded(self.path)
             if not read:
                 raise BadTable(
                     f"the {number_of(self.count, 'frame')} that {self.path} says it has",
@@ -128,11 +132,12 @@ class Video:
                     "ffmpeg -i VIDEO -r RATE NEW",
                 )  # fmt: skip
             time_s = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
-            if number:
-                step_s = time_s - before_s
-                least_s, most_s = self.steps_s or (step_s, step_s)
-                self.steps_s = min(least_s, step_s), max(most_s, step_s)
-            before_s = time_s
+            if not time_s < before_s:  # else 0: of an AVI's last frames, FFmpeg may know no time
+                if number:
+                    step_s = time_s - before_s
+                    least_s, most_s = self.steps_s or (step_s, step_s)
+                    self.steps_s = min(least_s, step_s), max(most_s, step_s)
+                before_s = time_s
             _same_size(self, bgr)
             if number == self.count - 1 and self._capture.grab():
                 raise BadTable(
@@ -250,6 +255,14 @@ def coloured(footage: Footage) -> Iterator[NDArray[np.uint8]]:
                 "train-trials takes their table as it is, grey or not",
             )  # fmt: skip
         yield rgb
+
+
+def _none_decoded(path: Path) -> BadTable:
+    return BadTable(
+        "a video whose frames can be decoded", f"{path}, of which none can",
+        "write it in another coding, without loss: ffmpeg -i VIDEO -c:v ffv1 NEW.mkv; if that "
+        "fails, it is damaged",
+    )  # fmt: skip
 
 
 def _in_order(file: Path) -> list[tuple[int, int, str]]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 
 from taxel.errors import BadTable
-from taxel.recordings.imports.spelling import column_name, prefixed
+from taxel.recordings.imports.spelling import column_name, composed, prefixed
 from taxel.recordings.imports.table_files import file_of
 from taxel.recordings.imports.value_tables.table_columns import by_column, read_cells
 
@@ -85,7 +85,7 @@ def _named(rows: Sequence[VideoRow], data_dir: Path) -> list[VideoRow]:
         ]
     )
     return [
-        replace(row, name=f"{row.name}-{name[-_LONGEST_NAME:]}")
+        replace(row, name=f"{row.name}-{composed(name)[-_LONGEST_NAME:]}")
         for row, name in zip(rows, names, strict=True)
     ]
 
@@ -185,7 +185,7 @@ def _row(
         mend = _EACH_ROW if pattern else "fill it in"
         raise BadTable(f"something in the column {empty[0]!r}", f"nothing in {where}", mend)
     files = {
-        name: file_of(cell, data_dir, where, outside=outside) for name, cell in cameras.items()
+        name: _file_of(cell, data_dir, where, outside=outside) for name, cell in cameras.items()
     }
     first = next(iter(cameras))
     row = VideoRow(
@@ -200,6 +200,27 @@ def _row(
         if not path.exists():
             raise no_file(path, f" ({where})")
     return row
+
+
+def _file_of(cell: str, data_dir: Path, where: str, *, outside: bool) -> Path:
+    """Return the file that a cell names, as its name is spelt on the disk; see `file_of`."""
+    path = file_of(cell, data_dir, where, outside=outside)
+    spelt = _as_spelt(path)
+    if spelt == path:
+        return path
+    inside = spelt.is_relative_to(data_dir)
+    named = str(spelt.relative_to(data_dir) if inside else spelt)
+    return file_of(named, data_dir, where, outside=outside)
+
+
+def _as_spelt(path: Path) -> Path:
+    """Return a path as it is there: composed and decomposed letters (NFC, NFD) are the same."""
+    if path.exists() or path.parent == path:
+        return path
+    folder = _as_spelt(path.parent)
+    inside = folder.iterdir() if folder.is_dir() else ()
+    found = [file for file in inside if composed(file.name) == composed(path.name)]
+    return found[0] if len(found) == 1 else path
 
 
 def _side(line: Mapping[str, str], where: str) -> dict[str, str]:

@@ -53,6 +53,7 @@ class Lerobot:
         self._check()
         need_packages("pyarrow", "cv2", purpose="LeRobot data sets")
         from taxel.exchange.lerobot_write import write_lerobot
+        from taxel.windows.pairs import LARGEST_SKEW_S
 
         paths = list_recordings(self.recordings)
         left_out = depth_cameras(paths)
@@ -76,6 +77,12 @@ class Lerobot:
         say(
             f"frame / fps differs from the time of a frame by up to {1000 * written.drift_s:.3g} ms"
         )
+        if written.apart_s > LARGEST_SKEW_S:
+            say(
+                f"warning: the images of a frame are up to {written.apart_s:.3g} s apart, as where "
+                "a camera fell silent; their times are in the columns taxel.frame_s.NAME",
+                style="yellow",
+            )
         if written.truth:
             channels = ", ".join(written.truth)
             say(f"ground truth of the simulator, under truth and not observation: {channels}")
@@ -83,10 +90,14 @@ class Lerobot:
             say(depth_line(left_out))
         if names := written.recordings_left_out:
             lack = (
-                "labelled interval" if self.episodes == "mark" else "scan, or no image of a camera"
-            )
+                "labelled interval that holds a frame" if self.episodes == "mark"
+                else "scan, or no image of a camera"
+            )  # fmt: skip
             some = ", ".join(map(visible, names[:6])) + (" …" if names[6:] else "")
             say(f"left out {number_of(len(names), 'recording')} with no {lack}: {some}")
+        if marks := written.marks_left_out:
+            some = ", ".join(map(visible, marks[:6])) + (" …" if marks[6:] else "")
+            say(f"left out {number_of(len(marks), 'labelled interval')} without a frame: {some}")
         if written.scans_left_out:
             say(f"{number_of(written.scans_left_out, 'scan')} in no window; give more with --rows")
         if written.images_left_out:
