@@ -55,6 +55,18 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
+@pytest.mark.parametrize("name", ["x", "x/y"])
+def test_a_file_in_the_way_of_an_output_is_named(tmp_path: Path, name: str):
+    """No room has to be made; what is in the way is not the output itself."""
+    file = tmp_path / "notes"
+    file.touch()
+    with (
+        pytest.raises(RecordingFailed, match=rf"got {file}, which is no folder; choose another"),
+        only_writer(file / name),
+    ):
+        pass
+
+
 def test_a_scratch_folder_goes_with_its_block(tmp_path: Path):
     def fail() -> None:
         with scratch_folder(tmp_path / "new" / "set") as scratch:

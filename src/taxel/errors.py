@@ -20,6 +20,10 @@ Knows nothing about any stage.
 
 from __future__ import annotations
 
+import os
+from errno import EEXIST, ENOTDIR
+from pathlib import Path
+
 
 class TaxelError(Exception):
     """Base of all errors that taxel raises on purpose."""
@@ -81,8 +85,13 @@ class RecordingFailed(TaxelError, OSError):
 def not_written(
     path: object, error: OSError, mend: str = "make room or choose another place"
 ) -> RecordingFailed:
-    """Return the error of a file or folder that the disk refused."""
-    return RecordingFailed(f"needed to write {path}; got {error.strerror or error}; {mend}.")
+    """Return the error of a file or folder that the disk refused, or that would lie in a file."""
+    got = error.strerror or str(error)
+    if error.errno in (EEXIST, ENOTDIR):
+        above = next(p for p in Path(str(path)).absolute().parents if os.path.lexists(p))
+        if not above.is_dir():
+            got, mend = f"{above}, which is no folder", mend.removeprefix("make room or ")
+    return RecordingFailed(f"needed to write {path}; got {got}; {mend}.")
 
 
 class WorkerLost(TaxelError, RuntimeError):

@@ -52,6 +52,7 @@ def test_it_is_refused_before_anything_is_read(
         ("sweep file --data none --plot file/x.png", "file, which is no folder"),
         ("bench faults --page file/page.md", "file, which is no folder"),
         ("bench faults --page d", "the folder d"),
+        ("report no --audit --output file/x.html", "file, which is no folder"),
     ],
 )
 def test_a_study_asks_first_whether_its_figures_can_be_written(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import tyro
 
+from taxel.cli.evaluation.evaluate import Evaluate
 from taxel.cli.live.bundle import Bundle
 from taxel.cli.main import main
 from taxel.cli.recordings.simulate.teng import Teng
@@ -182,6 +183,29 @@ def test_a_run_of_the_other_kind_is_named_before_it_is_replaced(
     )
     assert capsys.readouterr().err == (note if reason else "")
     assert (run / file).exists()
+
+
+@pytest.mark.parametrize("file", ["weights-0.safetensors", "predictions.json"])
+def test_trained_weights_are_named_before_an_evaluation_replaces_them(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str], file: str,
+) -> None:  # fmt: skip
+    """Its run has none: hours of training would be gone without a word."""
+    run = tmp_path / "run"
+    run.mkdir()
+    for name in ("run.json", file):
+        (run / name).touch()
+
+    def begin(*_: object, **__: object) -> None:
+        raise BadInput("a", "b", "begun")
+
+    monkeypatch.setattr("taxel.evaluation.checked.check_recipe", begin)
+    words = [str(data), "--target", "shape", "--output", str(run)]
+    with pytest.raises(BadInput, match="begun"):
+        tyro.cli(Evaluate, args=words).run()
+
+    printed = "a run with trained weights, will be replaced" in capsys.readouterr().err
+    assert printed is file.startswith("weights")
 
 
 @pytest.mark.parametrize(

@@ -20,14 +20,15 @@ RECIPE = Recipe(
 
 def make_pads(
     folder: Path, sessions: tuple[int, ...] = (1, 2, 3), classes: tuple[str, ...] = ("2", "10"),
-    seed: int = 0,
+    seed: int = 0, series: str = "",
 ) -> Path:  # fmt: skip
-    """Write two trials of 0.8 s a class and session; the class is the press's strength."""
+    """Write two trials of 0.8 s a class and session; the class is the press's strength. Objects of
+    another series are others."""
     rng = np.random.default_rng(seed)
     for session in sessions:
         for name in classes:
             for trial in range(2):
-                groups = {"session": f"s{session}", "object": f"{name}-{trial}"}
+                groups = {"session": f"s{session}", "object": f"{series}{name}-{trial}"}
                 manifest = Manifest.started_now(SENSOR, {"level": name}, groups, now_s=0.0)
                 values = rng.normal(float(name), 0.5, (80, 2)).astype(np.float32)
                 with Recorder(folder / f"s{session}_{name}_{trial}.mcap", manifest) as recorder:

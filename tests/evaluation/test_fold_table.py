@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from make_dataset import make_dataset
 
+from taxel.bundles.contract import value_fingerprint
 from taxel.errors import BadInput, BadSplit, BadTable
 from taxel.evaluation.fold_table import FoldTable, read_fold_table
-from taxel.evaluation.shared_values import named_by_unseen
+from taxel.evaluation.shared_values import name_by_unseen, named_by_unseen
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.evaluation.table_split import split_by_table, trials_to_score
-from taxel.labels.trials import coarsest_group
+from taxel.labels.trials import coarsest_group, lone_group
 from taxel.windows.dataset import Dataset, only_labelled
 
 RECORDINGS = {f"s{n}" for n in range(6)} | {"too-short"}
@@ -281,6 +282,35 @@ def test_objects_that_are_tested_unseen_are_drawn_as_a_whole(tested: str, drawn:
 
     assert coarsest_group(trials, split.name) == drawn
     assert split.name.endswith(", object held out") is (drawn == "object")
+
+
+def test_sessions_of_one_new_person_say_nothing_about_other_persons() -> None:
+    """Three sessions are drawn, but the interval is one over sessions of this person."""
+    trials = [
+        replace(trial, groups=trial.groups | {"person": "B" if trial.groups["session"] > "s2"
+                                              else "A"})
+        for trial in make_dataset().trials
+    ]  # fmt: skip
+    test = {n for n, trial in enumerate(trials) if trial.groups["person"] == "B"}
+    fold = TrialFold("test", frozenset(range(len(trials))) - test, frozenset(test))
+    name = named_by_unseen(Split("trained elsewhere", (fold,), None), trials).name
+    tested = [trials[n] for n in sorted(test)]
+
+    assert coarsest_group(tested, name) == "session"
+    assert lone_group(tested, name) == "person"
+
+
+def test_recognisers_are_tested_on_unseen_objects_where_each_says_what_it_was_trained_on() -> None:
+    """Of a bundle of before, nothing is known of its objects; of two runs both must lack them."""
+    tested = [
+        replace(trial, groups={"recording": str(n), "trial": f"{n}#0", "object": f"cup{n % 3}"})
+        for n, trial in enumerate(make_dataset().trials)
+    ]
+    other, same = ({"object": (value_fingerprint(name),)} for name in ("cup9", "cup2"))
+
+    assert name_by_unseen("", tested, [other, other]).endswith(", object held out")
+    assert name_by_unseen("", tested, [other, same]) == ""
+    assert name_by_unseen("", tested, [{}]) == ""
 
 
 def test_a_table_of_recordings_names_the_sessions_that_it_holds_out(tmp_path: Path) -> None:

@@ -155,6 +155,16 @@ def test_a_bundle_is_scored_by_window_trial_class_and_group(bundle: Bundle, othe
     assert found.learned_is_known
 
 
+def test_a_bundle_on_new_objects_is_judged_over_objects(bundle: Bundle, tmp_path: Path) -> None:
+    """Trials of one object are alike; those that it was trained on are tested in new sessions."""
+    sessions = (4, 5, 6, 7, 8)
+    new = score_bundle(bundle, make_pads(tmp_path / "new", sessions, seed=4, series="x"))
+    known = score_bundle(bundle, make_pads(tmp_path / "known", sessions, seed=4))
+
+    assert (new.interval_group, new.interval_groups) == ("object", 4)
+    assert (known.interval_group, known.interval_groups) == ("session", 5)
+
+
 def test_a_bundle_says_when_it_learned_from_the_very_recordings(bundle: Bundle, pads: Path) -> None:
     """Only those of the table's training part, whatever else lies in the folder."""
     found = score_bundle(bundle, pads)

@@ -77,8 +77,28 @@ def test_what_was_grasped_before_has_no_vote_where_no_pause_parts_the_grasps():
     tally.add(answered("block", 4.0, ball=0.2))
     tally.compare(Mark(start_s=0.0, end_s=4.0, labels={"shape": "ball"}))
     tally.compare(Mark(start_s=4.0, end_s=5.0, labels={"shape": "block"}))
+    tally.settle()
     assert (tally.grasps, tally.grasps_right) == (2, 2)
     assert tally.grasp_answer[0] == "ball"  # what is shown knows no marks
+
+
+@pytest.mark.parametrize(("next_s", "own"), [(4.0, 3), (4.5, 4), (None, 4)])
+def test_a_row_where_two_marks_meet_is_the_later_ones_as_in_a_data_set(
+    next_s: float | None, own: int
+) -> None:
+    """The last of four windows ends with its mark; that another begins there is known only when
+    that is over."""
+    tally = Tally("shape", GraspVote(CLASSES, 0.8))
+    for start_s in range(4):
+        tally.add(answered("ball", float(start_s), ball=0.99))
+    tally.compare(Mark(start_s=0.0, end_s=4.0, labels={"shape": "ball"}))
+    tally.add(answered("block", 5.0, ball=0.01))
+    if next_s is not None:
+        tally.compare(Mark(start_s=next_s, end_s=7.0, labels={"shape": "block"}))
+    tally.settle()
+
+    grasps = 1 if next_s is None else 2
+    assert (tally.marked, tally.grasps, tally.grasps_right) == (own + grasps - 1, grasps, grasps)
 
 
 def test_a_session_of_one_answer_is_warned_of_where_levels_follow() -> None:

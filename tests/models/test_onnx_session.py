@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from onnx import TensorProto, helper
@@ -48,3 +53,16 @@ def test_a_model_that_cannot_be_run_on_a_window_is_one_plain_line(
 def test_a_model_that_can_is_run() -> None:
     model = model_of("n", TensorProto.FLOAT)
     np.testing.assert_array_equal(WindowModel(model)(VALUES, MASK), VALUES)
+
+
+def test_no_usage_statistics_are_kept_or_sent(tmp_path: Path) -> None:
+    """ONNX Runtime 1.32 does both as soon as it is imported, but in continuous integration."""
+    others = {"CI", "GITHUB_ACTIONS", "ORT_DISABLE_TELEMETRY", "XDG_CACHE_HOME"}
+    usual = {key: value for key, value in os.environ.items() if key not in others}
+    code = "import os, taxel, onnxruntime; print(os.environ['ORT_DISABLE_TELEMETRY'])"
+    printed = subprocess.check_output(
+        [sys.executable, "-c", code], text=True, env=usual | {"HOME": str(tmp_path)}
+    )
+
+    assert printed == "1\n"
+    assert not list(tmp_path.rglob("*deviceid*"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,11 @@ from safetensors.torch import load_file, save_file
 
 from taxel.errors import BadInput
 from taxel.models.backbones.catalogue import BACKBONES
-from taxel.models.backbones.weight_files import load_backbone_weights, save_backbone_weights
+from taxel.models.backbones.weight_files import (
+    load_backbone_weights,
+    save_backbone_weights,
+    save_tensors,
+)
 from taxel.models.published.about import About
 from taxel.models.published.origins import ORIGINS
 from taxel.models.weights import RANDOM, VARIABLE, find_weights, model_weights
@@ -222,3 +227,17 @@ def test_a_file_may_say_the_size_of_image_that_it_was_trained_on(
     save_backbone_weights(_edge(), path, About(origin="a lab", side_px=side_text).head())
 
     assert find_weights("edge", path).side_px == side_px
+
+
+def test_weights_may_be_read_by_whom_other_files_may(tmp_path: Path) -> None:
+    """safetensors lets their owner alone read them: a colleague could not load a shared run."""
+    other = tmp_path / "run.json"
+    other.touch()
+    other.chmod(0o644)
+    before = os.umask(0o022)
+    try:
+        save_tensors(tmp_path / "weights.safetensors", {"a": torch.zeros(2)})
+    finally:
+        os.umask(before)
+
+    assert (tmp_path / "weights.safetensors").stat().st_mode == other.stat().st_mode

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Mapping
-from dataclasses import MISSING, asdict, dataclass, fields, replace
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from hashlib import sha256
 from typing import Any, get_args
 
@@ -90,6 +90,9 @@ class Contract:
     trial_windows: int = 0
     """Windows of a usual training trial (their median); 0 where that is not known, as in bundles of
     before."""
+    learned_groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Group, such as the object → a fingerprint of each value that gave a training window, see
+    `value_fingerprint`; empty where that is not known, as in older bundles and adapted ones."""
 
     @property
     def most_windows(self) -> int | None:
@@ -154,6 +157,11 @@ def fingerprint_of(digest: str) -> str:
     return digest[:16]
 
 
+def value_fingerprint(value: str) -> str:
+    """Return what a contract keeps of a group's value, such as a person's name."""
+    return fingerprint_of(sha256(value.encode()).hexdigest())
+
+
 def learned_too(contract: Contract, recordings: Collection[str], windows: bytes) -> Contract:
     """Return the contract of a recogniser that has learned more since.
 
@@ -165,7 +173,8 @@ def learned_too(contract: Contract, recordings: Collection[str], windows: bytes)
     # Where it is not known what it was trained on, a part must not be taken for all of it.
     known = {*contract.learned, *recordings} if contract.learned else set()
     digest = sha256(contract.data_digest.encode() + windows)
-    return replace(contract, learned=tuple(sorted(known)), data_digest=digest.hexdigest())
+    return replace(contract, learned=tuple(sorted(known)), data_digest=digest.hexdigest(),
+                   learned_groups={})  # fmt: skip
 
 
 def holding(contract: Contract) -> Contract:
@@ -258,15 +267,17 @@ def contract_from_json(text: str | bytes) -> Contract:
 
 def _contract(data: Any) -> Contract:
     if isinstance(data, dict):  # what older bundles lack
-        data = {field.name: field.default for field in fields(Contract)
-                if field.default is not MISSING} | data  # fmt: skip
+        defaults = {entry.name: entry.default for entry in fields(Contract)
+                    if entry.default is not MISSING}  # fmt: skip
+        data = defaults | {"learned_groups": {}} | data
     entries = Fields(data, "the contract")
     if entries.any("format") != FORMAT:
         raise ValueError("another format")
-    entries.only({field.name for field in fields(Contract)} | {"format"})
+    entries.only({entry.name for entry in fields(Contract)} | {"format"})
     classes, channels = entries.texts("classes"), entries.texts("channels")
     units, n = entries.texts("units"), len(channels)
     window = record_of(WindowConfig, _window(entries.any("window")))
+    groups, each = entries.any("learned_groups"), entries.fields("learned_groups")
     if not classes or len(set(classes)) < len(classes):
         raise ValueError("the classes are none, or one comes twice")
     if not channels or len(set(channels)) < n or len(units) != n:
@@ -295,6 +306,7 @@ def _contract(data: Any) -> Contract:
         motion=motion_from_json(entries.fields("motion"), n) if "motion" in entries else None,
         usual=_usual(entries, n, window),
         trial_windows=entries.count("trial_windows", 0, 2**31),
+        learned_groups={key: each.texts(key) for key in groups},
     )
 
 

@@ -38,6 +38,7 @@ from taxel.evaluation.fold_table import FoldTable, read_fold_table
 from taxel.evaluation.metrics import accuracy_interval, cross_entropy
 from taxel.evaluation.part_scores import Parts, score_parts
 from taxel.evaluation.run_scores import reliability
+from taxel.evaluation.shared_values import name_by_unseen
 from taxel.evaluation.table_split import idle_note, rows_in_no_trial, trials_to_score
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import coarsest_group, lone_group
@@ -182,7 +183,8 @@ def _scores(
     votes = _votes(bundle, dataset, decisions)
     numbers = np.arange(len(dataset.trials))
     unknown = answers == UNKNOWN
-    key = coarsest_group(dataset.trials, split or "")
+    drawn = name_by_unseen(split or "", dataset.trials, [contract.learned_groups])
+    key = coarsest_group(dataset.trials, drawn)
     loss, error = _calibration(contract.classes, truth[trial], decisions)
     names = {fingerprint_of(own): name for name, own in dataset.fingerprints.items()}
     return BundleScores(
@@ -195,7 +197,7 @@ def _scores(
         interval=accuracy_interval(right, dataset.group(key)[trial]),
         interval_group=key,
         interval_groups=len(np.unique(dataset.group(key)[trial])),
-        lone=lone_group(dataset.trials, split or ""),
+        lone=lone_group(dataset.trials, drawn),
         majority=_commonest(truth[trial]),
         unknown=float(unknown.mean()),
         unknown_because=_reasons(decisions),

@@ -5,12 +5,13 @@ Knows nothing about how a split was made, nor about windows or models.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.bundles.contract import value_fingerprint
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.labels.trials import OBJECTS, USUAL_GROUPS, Trial, held_out
 from taxel.plain_text import number_of, several
@@ -78,10 +79,6 @@ def objects_on_both(trials: Sequence[Trial], y: NDArray[np.intp], split: Split) 
 def named_by_unseen(split: Split, trials: Sequence[Trial]) -> Split:
     """Return a split of recordings whose name says which objects, persons … it tests unseen.
 
-    Nobody named them, as where the test recordings lie in a folder of their own; but trials of one
-    object are alike, so that intervals must draw it as a whole. Of several such groups the
-    coarsest, of those of which several values are tested.
-
     Args:
         split: Such as that of another folder, or of a table.
         trials: All of them.
@@ -90,14 +87,54 @@ def named_by_unseen(split: Split, trials: Sequence[Trial]) -> Split:
         return split
     counts = {
         key: _unseen([trial.groups[key] for trial in trials], split.trial_folds)
-        for key in USUAL_GROUPS
-        if all(key in trial.groups for trial in trials)
+        for key in _usual(trials)
     }
-    keys = [key for key, count in counts.items() if count]
-    if not keys:
-        return split
-    coarsest = min(keys, key=lambda key: (counts[key] < 2, counts[key]))
-    return replace(split, name=f"{split.name}, {coarsest} held out")
+    return replace(split, name=_named(split.name, counts))
+
+
+def name_by_unseen(
+    name: str, tested: Sequence[Trial], learned: Sequence[Mapping[str, Collection[str]]]
+) -> str:
+    """Return a split's name, with the objects, persons … that trained recognisers are tested on
+    unseen.
+
+    Args:
+        name: The split's; empty where there is none.
+        tested: Trials of recordings that are tested.
+        learned: Of each recogniser, the `learned_groups` of its contract.
+    """
+    if held_out(name, tested) is not None:
+        return name
+    counts = {}
+    for key in _usual(tested):
+        own = {value_fingerprint(trial.groups[key]) for trial in tested}
+        unseen = all(key in groups and own.isdisjoint(groups[key]) for groups in learned)
+        counts[key] = len(own) if unseen else 0
+    return _named(name, counts)
+
+
+def _usual(trials: Sequence[Trial]) -> list[str]:
+    return [key for key in USUAL_GROUPS if all(key in trial.groups for trial in trials)]
+
+
+def _named(name: str, unseen: Mapping[str, int]) -> str:
+    """Return a split's name with the group that its intervals must draw as a whole.
+
+    Nobody named it, as where the test recordings lie in a folder of their own; but trials of one
+    object are alike. Of several such groups that is the coarsest, of those of which several values
+    are tested. Sessions are drawn without being named: if they are of one person only, the name
+    says that, so that the interval is not taken for one over persons.
+
+    Args:
+        name: The split's.
+        unseen: Group → how many values are tested that were not trained on.
+    """
+    several_of = [key for key, count in unseen.items() if count > 1]
+    lone = [key for key, count in unseen.items() if count == 1]
+    found = min(several_of, key=lambda key: unseen[key], default=None)
+    if lone and found in (None, "session"):
+        found = lone[0]
+    return name if found is None else f"{name}, {found} held out"
 
 
 def _unseen(values: Sequence[str], folds: Sequence[TrialFold]) -> int:

@@ -13,11 +13,25 @@ import numpy as np
 from taxel.bundles.contract import fingerprint_of
 from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.fold_table import FoldTable
+from taxel.evaluation.shared_values import name_by_unseen
 from taxel.evaluation.table_split import trials_tested
 from taxel.training.fitting import Fitted
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
 from taxel.windows.dataset import LABEL_THEM, load_dataset, only_labelled
+
+
+def predictions_of_both_on(
+    first: Run, second: Run, folder: Path
+) -> tuple[Predictions, Predictions, tuple[str, ...]]:
+    """Return two runs' predictions for a folder, and notes; see `predictions_on`.
+
+    Their split is named by the objects, persons … that neither was trained on.
+    """
+    (ours, notes), (theirs, _) = predictions_on(first, folder), predictions_on(second, folder)
+    learned = [run.contract.learned_groups for run in (first, second)]
+    split = name_by_unseen(ours.split, ours.trials, learned)
+    return replace(ours, split=split), replace(theirs, split=split), notes
 
 
 def predictions_on(run: Run, folder: Path) -> tuple[Predictions, tuple[str, ...]]:

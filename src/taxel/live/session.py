@@ -30,6 +30,8 @@ _KEPT_LATENCIES = 10_000
 """Latest latencies kept, so that memory stays constant."""
 _KEPT_ANSWERS = 2_000
 """Answers kept until their mark comes, so that memory stays constant."""
+_ROUNDED_S = 1e-6
+"""By which times of a mark and of a window may differ, seconds: recordings round both."""
 _NO_RULES = RuleTable(())
 _NEWS = ("gate_moves", "still_channels", "other_scales", "rate_changes", "outages")
 """What a tally keeps of its input: news, each with its time."""
@@ -88,6 +90,8 @@ class Tally:
     """True where an answer may come after the mark that it lies in, as of a padded window."""
     _waiting: list[Decision] = field(default_factory=list)
     _marks: list[Mark] = field(default_factory=list)
+    _ending: tuple[Mark, list[Decision]] | None = None
+    """A mark that is over, with its windows, until it is known whether another begins there."""
     _more: dict[str, list[dict[str, Any]]] = field(
         default_factory=lambda: {name: [] for name in _NEWS}
     )
@@ -141,36 +145,66 @@ class Tally:
     def compare(self, mark: Mark) -> None:
         """Count the windows inside a mark as right or wrong; their vote is the grasp's.
 
-        Only they vote: where no pause parts one grasp from the next, the mark does.
+        Only they vote: where no pause parts one grasp from the next, the mark does. The row at the
+        moment at which two marks meet is the later one's, as in a data set.
 
         The right answer to an object that was never learned is UNKNOWN. Where answers may be
-        late, it is counted when one beyond the mark has come, or by `settle`.
+        late, it is counted when one beyond the mark has come, or by `settle`; and where a window
+        ends as the mark does, when it is known whether another mark begins there.
         """
+        self._close(mark.start_s)
         self._marks.append(mark)
         del self._marks[:-_KEPT_ANSWERS]
         if not self.late:
-            self.settle()
+            self._count_over(inf)
 
     def settle(self, start_s: float = inf) -> None:
         """Count the marks that are over before any answer to come begins."""
-        over = [mark for mark in self._marks if mark.end_s < start_s]
-        self._marks = [mark for mark in self._marks if not mark.end_s < start_s]
-        for mark in over:
-            self._count(mark)
+        self._count_over(start_s)
+        if start_s == inf:
+            self._close(inf)
 
-    def _count(self, mark: Mark) -> None:
-        truth = joined_label(mark.labels, self.target)
-        if truth is None:
+    def _count_over(self, start_s: float) -> None:
+        known = self._marks
+        self._marks = [mark for mark in known if not mark.end_s < start_s]
+        for mark in known:
+            if mark.end_s < start_s:
+                behind = (m.start_s for m in known if m.start_s >= mark.end_s - _ROUNDED_S)
+                self._count(mark, min(behind, default=None))
+
+    def _count(self, mark: Mark, next_s: float | None) -> None:
+        """Count a mark, unless a window ends as it does and the next mark is not known."""
+        if joined_label(mark.labels, self.target) is None:
             return
         inside = [
             window
             for window in self._waiting
-            if window.start_s >= mark.start_s and window.end_s <= mark.end_s
+            if window.start_s >= mark.start_s - _ROUNDED_S
+            and window.end_s <= mark.end_s + _ROUNDED_S
         ]
-        self._waiting = [window for window in self._waiting if window.end_s > mark.end_s]
+        before_s = mark.end_s - _ROUNDED_S
+        self._waiting = [window for window in self._waiting if window.end_s > before_s]
+        self._ending = mark, inside
+        if next_s is not None or all(window.end_s <= before_s for window in inside):
+            self._close(inf if next_s is None else next_s)
+
+    def _close(self, next_s: float) -> None:
+        """Count the mark whose last windows were not decided, if there is one.
+
+        Args:
+            next_s: When the next mark begins, fitted clock, seconds.
+        """
+        if self._ending is None:
+            return
+        (mark, inside), self._ending = self._ending, None
+        meets = abs(next_s - mark.end_s) <= _ROUNDED_S
+        end_s = next_s - _ROUNDED_S if meets else mark.end_s + _ROUNDED_S
+        inside = [window for window in inside if window.end_s <= end_s]
+        self._waiting = [window for window in self._waiting if window.end_s > end_s]
         if not inside:
             self.grasps_without += 1
             return
+        truth = joined_label(mark.labels, self.target)
         if truth not in self.vote.classes:
             truth = UNKNOWN
         self.marked += len(inside)

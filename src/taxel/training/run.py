@@ -27,11 +27,13 @@ from taxel.bundles.contract import (
     contract_from_json,
     contract_to_json,
     fingerprint_of,
+    value_fingerprint,
 )
 from taxel.bundles.trials import IN_RUN
 from taxel.errors import BadInput, TaxelError, not_written
 from taxel.foreign.json_text import Fields, read_json
 from taxel.foreign.records import record_of
+from taxel.labels.trials import USUAL_GROUPS
 from taxel.models.blend import EXPERT, Blend
 from taxel.models.catalogue import count_parameters, find_network
 from taxel.recordings.whole import whole_folder
@@ -100,6 +102,7 @@ def contract_of(
         parity=None,
         reference=dataset.reference,
         learned=_learned(dataset),
+        learned_groups=_learned_groups(dataset),
         motion=measure_motion(dataset, target),
         usual=dataset.usual,
         trial_windows=_usual_windows(dataset.trial),
@@ -111,6 +114,16 @@ def _learned(dataset: Dataset) -> tuple[str, ...]:
     names = {dataset.trials[index].recording for index in np.unique(dataset.trial)}
     own = (values for name, values in dataset.fingerprints.items() if name in names)
     return tuple(sorted({fingerprint_of(values) for values in own}))
+
+
+def _learned_groups(dataset: Dataset) -> dict[str, tuple[str, ...]]:
+    """Return fingerprints of the objects, persons … that gave a window, of usual groups only."""
+    trials = [dataset.trials[index] for index in np.unique(dataset.trial)]
+    return {
+        key: tuple(sorted({value_fingerprint(trial.groups[key]) for trial in trials}))
+        for key in USUAL_GROUPS
+        if all(key in trial.groups for trial in trials)
+    }
 
 
 def _usual_windows(trial: NDArray[np.intp]) -> int:

@@ -116,8 +116,10 @@ def test_only_recordings_that_gave_a_grasp_to_learn_count_as_learned(tmp_path: P
     known = load_dataset(tmp_path, contract().window).fingerprints
 
     found = read_grasps([tmp_path], contract()).first(2)
-    after = learned_too(replace(contract(), learned=("f",)), set(found.recording), b"values")
+    before = replace(contract(), learned=("f",), learned_groups={"object": ("g",)})
+    after = learned_too(before, set(found.recording), b"values")
 
     assert after.learned == tuple(sorted({"f", fingerprint_of(known["0.mcap"])}))
     assert after.data_digest != contract().data_digest
+    assert after.learned_groups == {}  # of which objects, it is not known
     assert learned_too(contract(), set(found.recording), b"values").learned == ()  # as before

@@ -1,11 +1,12 @@
 """Tries side by side take one share of the cores each, and give them back."""
 
 from concurrent.futures import ThreadPoolExecutor
+from threading import Event
 
 import pytest
 import torch
 
-from taxel.training.choose.cores import shared_cores
+from taxel.training.choose.cores import shared_cores, working_threads
 
 
 @pytest.fixture
@@ -29,3 +30,27 @@ def test_the_cores_are_given_back_after_a_failure(four_cores: None):
     with pytest.raises(ZeroDivisionError), shared_cores(2):
         raise ZeroDivisionError
     assert torch.get_num_threads() == 4
+
+
+def test_after_ctrl_c_no_try_begins_that_waits_for_a_thread() -> None:
+    """A search hands over all its tries at once; they would go on for as long as its budget."""
+    begun: list[int] = []
+    at_work, others_cancelled = Event(), Event()
+
+    def first() -> None:
+        at_work.set()
+        others_cancelled.wait(5.0)
+
+    def interrupted() -> None:
+        with working_threads(1) as pool:
+            pool.submit(first)
+            for number in range(3):
+                last = pool.submit(begun.append, number)
+            last.add_done_callback(lambda _: others_cancelled.set())
+            at_work.wait(5.0)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+
+    assert begun == []

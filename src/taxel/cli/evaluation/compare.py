@@ -49,7 +49,7 @@ class Compare:
         from taxel.cli.options.arrays import split_given
         from taxel.evaluation.fold_table import read_fold_table
         from taxel.evaluation.paired import compare_predictions, compare_runs, predictions_of_both
-        from taxel.evaluation.unseen_recordings import only_tested, predictions_on
+        from taxel.evaluation.unseen_recordings import only_tested, predictions_of_both_on
         from taxel.training.run import load_run
 
         split_given(None, self.folds, self.test)
@@ -57,7 +57,7 @@ class Compare:
         first, second = (load_run(path, weights=fresh) for path in (self.first, self.second))
         target = first.contract.target
         if self.test is not None:
-            (ours, notes), (theirs, _) = (predictions_on(run, self.test) for run in (first, second))
+            ours, theirs, notes = predictions_of_both_on(first, second, self.test)
             return replace(compare_predictions(ours, theirs, target, self.group), notes=notes)
         if self.folds is not None:
             table = read_fold_table(self.folds)

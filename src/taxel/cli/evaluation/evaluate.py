@@ -21,7 +21,7 @@ from taxel.cli.options.arrays import (
 )
 from taxel.cli.options.rules import Only
 from taxel.cli.options.work import WorkOptions
-from taxel.cli.printing import console, print_json, progress, say
+from taxel.cli.printing import console, print_json, progress, say, say_aside
 from taxel.cli.trial_verbs import refuse_other_table
 from taxel.errors import BadInput
 from taxel.held import only_writer
@@ -74,8 +74,8 @@ class Evaluate:
     """Also fit library models (MiniRocket, extra-trees) on the same folds, to compare with; their
     results are kept for the same data and split."""
     output: Path | None = None
-    """Folder for the result, as a run without weights that can be compared and reported; none is
-    written unless given."""
+    """Folder for the result, as a run without weights that can be compared and reported; an older
+    run there is replaced. None is written unless given."""
     fresh: bool = False
     """Fit every fold anew. Otherwise the kept results of comparators are used, and with --output
     the folds that an interrupted run left in OUTPUT.folds, where recipe, data and software are
@@ -126,6 +126,7 @@ class Evaluate:
         say_page(self.html, older, silent=self.json)
 
     def _folder(self, path: Path) -> None:
+        from taxel.cli.training.train_expert import replaced_note
         from taxel.evaluation.checked import BARS, check_recipe
         from taxel.evaluation.kept_folds import FoldStore, folds_folder, forget_folds
         from taxel.training.frames.features import default_cache
@@ -140,6 +141,8 @@ class Evaluate:
         )
         if self.output is not None:
             check_run_folder(self.output)
+            if any(self.output.glob("weights-*.safetensors")):
+                say_aside(replaced_note(self.output, "a run with trained weights"))
         with self.work.open(), progress() as bar:
             task = bar.add_task("starting", total=None)
             checked = check_recipe(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import tyro
 
+from taxel.cli.evaluation.html_pages import older_page
 from taxel.cli.options.rules import Only
 from taxel.cli.printing import print_json, progress, say, say_aside
 from taxel.errors import BadFile, BadInput
@@ -82,10 +83,8 @@ class Report:
             raise BadInput("--claims FILE beside --keep", "none", "name the card's file")
         if self.claims is not None and self.claims.is_dir():
             raise BadInput("a file to write", f"the folder {self.claims}", "name a file in it")
-        from taxel.views.report.page import check_page
-
         older = {
-            str(self.output): self.output is not None and check_page(self.output),
+            str(self.output): older_page(self.output),
             str(self.claims): self.claims is not None and self.claims.exists(),
         }
         written = []

@@ -99,9 +99,9 @@ class Live:
     json: bool = False
     """Print one JSON summary for each bundle at the end. marked: windows within finished, labelled
     grasps; right: the correct ones among them; grasps: such grasps with a window; grasps_right:
-    those correct in all windows; grasps_without: grasps without a window; latencies in µs, from the
-    last sample to the decision; time_s, start_s and end_s: seconds from the first scan of the
-    recording or source."""
+    those that all their windows together predict correctly; grasps_without: grasps without a
+    window; latencies in µs, from the last sample to the decision; time_s, start_s and end_s:
+    seconds from the first scan of the recording or source."""
 
     RULES: ClassVar = (
         Only(("arm",), "--gripper", lambda o: o.gripper),

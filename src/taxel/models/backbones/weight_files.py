@@ -121,7 +121,10 @@ def save_tensors(
     """
     with whole_file(path) as temporary:
         try:
+            temporary.touch()
+            mode = temporary.stat().st_mode
             save_file(tensors, temporary, metadata=about)
+            temporary.chmod(mode)  # safetensors lets its owner alone read it
         except SafetensorError as error:  # a full disk, among others
             raise OSError(str(error)) from error
 

@@ -24,7 +24,8 @@ def working_threads(at_once: int = AT_ONCE) -> Iterator[ThreadPoolExecutor]:
 
     They keep still about models that end before they converge: a hundred steps are enough for a
     regularised one. Set here, for filters belong to all threads; forests of two threads may empty
-    them (see `kept_warnings`), so that warnings are caught, too.
+    them (see `kept_warnings`), so that warnings are caught, too. After an error or Ctrl-C only what
+    is at work is completed: what waits for a thread may take as long as the whole search.
 
     Args:
         at_once: How many work side by side.
@@ -35,7 +36,11 @@ def working_threads(at_once: int = AT_ONCE) -> Iterator[ThreadPoolExecutor]:
         ThreadPoolExecutor(at_once) as pool,
     ):
         warnings.simplefilter("ignore")
-        yield pool
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
 
 
 @contextmanager
