@@ -3,7 +3,7 @@
 import os
 from importlib.metadata import version
 
-# ONNX Runtime 1.32 keeps a device ID and sends usage statistics, unless this is set before import.
+# ONNX Runtime 1.32 keeps a device ID for usage statistics, unless this is set before its import.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
 __version__ = version("taxel")
