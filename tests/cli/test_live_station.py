@@ -204,6 +204,24 @@ def test_an_event_for_which_a_terminal_that_stands_still_has_no_room_is_printed_
     assert lines.print_new(station)  # type: ignore[arg-type]
 
 
+def test_events_that_are_gone_before_a_terminal_has_room_are_counted_and_alarms_shown():
+    """A station holds 200: an alarm of an earlier line counted as shown, and was acknowledged."""
+    printed: list[str] = []
+    room = iter([True, False, True, True])
+    lines = EventLines(
+        SimpleNamespace(say=lambda text: not printed.append(text.plain) and next(room))
+    )  # type: ignore[arg-type]
+    alarms = SimpleNamespace(alarms=SimpleNamespace(alarms=[SimpleNamespace(text="left is late")]))
+    station = SimpleNamespace(events=[(1, 1.0, "a")], guard=alarms)
+    assert lines.print_new(station)  # type: ignore[arg-type]
+    station.events = [(4, 4.0, "d")]
+
+    assert not lines.print_new(station)  # type: ignore[arg-type]
+    assert lines.print_new(station)  # type: ignore[arg-type]
+    gone = "the terminal stood still: 2 events left out; alarms: left is late"
+    assert [line.strip() for line in printed[1:]] == [gone, gone, "3.00 s  d"]
+
+
 def test_what_a_station_says_while_it_ends_is_printed(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

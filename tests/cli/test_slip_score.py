@@ -107,3 +107,9 @@ def test_a_score_on_the_training_recordings_says_so(
         warning = trained_on_warning(tmp_path / "mine.taxel", chosen)
         assert (warning is not None) == known
         assert not known or str(warning).startswith("the bundle was trained on 3 of these")
+
+    camera = CameraInfo(name="left", width=8, height=6, rate_hz=10.0)
+    silent = tmp_path / "z.mcap"
+    Recorder(silent, Manifest.started_now(NO_ARRAY, {}, cameras=(camera,))).close()
+    monkeypatch.setattr("taxel.bundles.grasp.read_grasp_contract", lambda _: monitor)
+    assert trained_on_warning(tmp_path / "mine.taxel", [*files, silent]) is None

@@ -1,12 +1,13 @@
 """Nothing of a test fold reaches the model: not through scaling, not through weights."""
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from make_dataset import make_dataset
 
-from taxel.evaluation.baselines import below_majority, trivial_accuracies
+from taxel.evaluation.baselines import below_majority, shares, trivial_accuracies, trivial_right
 from taxel.evaluation.crossval import pool, run_fold
 from taxel.evaluation.splits import by_group
 from taxel.training.fitting import Job
@@ -72,6 +73,26 @@ def test_of_many_channels_a_baseline_finds_what_all_of_them_give_away_together()
     trivial = trivial_accuracies(many, "shape", split.folds)
 
     assert trivial["first row of the trial"] > 0.6
+
+
+def test_of_many_columns_the_baseline_that_is_better_over_all_folds_counts() -> None:
+    """The better in each fold was right wherever either model was: noise looked like touch."""
+    dataset = make_dataset(sessions=2, trials_a_session=8, windows_a_trial=1, classes=2)
+    values = np.random.default_rng(0).normal(size=(len(dataset), 2, 60)).astype(np.float32)
+    windows = replace(dataset.windows, values=values, mask=np.ones((len(dataset), 2), bool))
+    noise = replace(dataset, windows=windows)
+    y, every = noise.class_numbers("shape"), np.arange(len(dataset))
+    folds = [(np.delete(every, n), every[n : n + 1]) for n in every]
+
+    right = trivial_right(noise, y, folds)
+
+    own = {model: count for (name, model), count in right.items() if name == "channel means"}
+    assert set(own) == {"trees", "discriminant"}
+    assert shares(right, len(y))["channel means"] == max(own.values()) / len(y)
+    together: Counter[tuple[str, str]] = Counter()
+    for fold in folds:
+        together.update(trivial_right(noise, y, [fold]))
+    assert shares(together, len(y)) == shares(right, len(y))
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ touch; one below the majority class is worse than guessing. Knows nothing about 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -103,7 +104,7 @@ def trivial_accuracies(dataset: Dataset, target: str, folds: tuple[Fold, ...]) -
     right = trivial_right(dataset, y, parts)
     return {
         MAJORITY: float(np.bincount(tested).max() / len(tested)),
-        **{name: count / len(tested) for name, count in right.items()},
+        **shares(right, len(tested)),
     }
 
 
@@ -111,15 +112,15 @@ def trivial_right(
     dataset: Dataset,
     y: NDArray[np.intp],
     folds: Sequence[tuple[NDArray[np.intp], NDArray[np.intp]]],
-) -> dict[str, int]:
-    """Return of each trivial baseline how many test windows of all folds it names rightly.
+) -> Counter[tuple[str, str]]:
+    """Return of each trivial baseline and its models how many test windows of all folds are right.
 
     Args:
         dataset: The windows.
         y: Class number of each window, shape (n,).
         folds: Windows to learn from and to test on, as indices.
     """
-    right = {}
+    right: Counter[tuple[str, str]] = Counter()
     as_tested = dataset
     if dataset.tested_level is not None:
         windows = dataset.tested(np.arange(len(dataset)))
@@ -128,11 +129,31 @@ def trivial_right(
         seen = tested = features(dataset)
         if as_tested is not dataset:
             tested = features(as_tested)
-        right[name] = sum(
-            _most_right(seen[train], y[train], tested[test], y[test])
-            for train, test in folds if len(test)
-        )  # fmt: skip
+        models = {"trees": _trees}
+        if seen.shape[1] > MANY:
+            models["discriminant"] = _discriminant
+        for model, predict in models.items():
+            right[name, model] = sum(
+                int((predict(seen[train], y[train], tested[test]) == y[test]).sum())
+                for train, test in folds if len(test)
+            )  # fmt: skip
     return right
+
+
+def shares(right: Mapping[tuple[str, str], int], tested: int) -> dict[str, float]:
+    """Return each trivial baseline's accuracy, 0…1: that of the better of its models.
+
+    Over all folds: the better in each fold, where a fold is one trial, would be right wherever
+    either model is, so that noise would look like touch.
+
+    Args:
+        right: Of all folds together, as `trivial_right` gives it.
+        tested: Test windows of all folds.
+    """
+    found: dict[str, float] = {}
+    for (name, _), count in right.items():
+        found[name] = max(count / tested, found.get(name, 0.0))
+    return found
 
 
 def below_majority(trivial: Mapping[str, float]) -> str | None:
@@ -143,17 +164,6 @@ def below_majority(trivial: Mapping[str, float]) -> str | None:
     """
     below = [name for name, value in trivial.items() if value < trivial.get(MAJORITY, 0.0)]
     return f"worse than always guessing the majority class: {', '.join(below)}" if below else None
-
-
-def _most_right(
-    train: NDArray[np.float32],
-    y: NDArray[np.intp],
-    test: NDArray[np.float32],
-    truth: NDArray[np.intp],
-) -> int:
-    """Return how many test windows a baseline's models name rightly: the better one counts."""
-    models = (_trees, _discriminant) if train.shape[1] > MANY else (_trees,)
-    return max(int((model(train, y, test) == truth).sum()) for model in models)
 
 
 def _discriminant(

@@ -21,7 +21,7 @@ from taxel.decisions.joining import Joining
 from taxel.decisions.recognition import at_limit
 from taxel.errors import BadSplit
 from taxel.evaluation.bars import BARS, FEWEST_ROWS, bar_probabilities
-from taxel.evaluation.baselines import trivial_right
+from taxel.evaluation.baselines import shares, trivial_right
 from taxel.evaluation.metrics import cross_entropy
 from taxel.evaluation.outer_split import check_training_parts
 from taxel.evaluation.run_scores import RunScores, baseline_warning, judge, least_of_all_right
@@ -88,8 +88,8 @@ class _Tested:
     probabilities: NDArray[np.float64]
     joined: tuple[NDArray[np.intp], NDArray[np.float64]]
 
-    def trivial_right(self, base: Base, train: Sequence[int]) -> dict[str, int]:
-        """Return how many of these windows each trivial baseline names rightly."""
+    def trivial_right(self, base: Base, train: Sequence[int]) -> Counter[tuple[str, str]]:
+        """Return how many of these windows each trivial baseline's models name rightly."""
         own = self.prepared.plain
         learned = np.flatnonzero(np.isin(own.trial, np.asarray(train, np.intp)) & own.scored)
         return trivial_right(own.dataset, base.y[own.trial], [(learned, self.index)])
@@ -249,7 +249,7 @@ def _nested(
     if not len(predictions):
         raise BadSplit("windows to test on", f"none in the test trials ({split.name})",
                        "hold out other trials, or record longer ones")  # fmt: skip
-    right: Counter[str] = Counter()
+    right: Counter[tuple[str, str]] = Counter()
     for fold, own in zip(split.trial_folds, tested, strict=True):
         right.update(own.trivial_right(base, sorted(fold.train)))
     trivial = {"majority": float(np.bincount(predictions.y).max() / len(predictions))}
@@ -261,7 +261,7 @@ def _nested(
         by_trial=_by_trial(base, tested),
         bars={},
         bars_s=0.0,
-        trivial=trivial | {name: count / len(predictions) for name, count in right.items()},
+        trivial=trivial | shares(right, len(predictions)),
     )
 
 

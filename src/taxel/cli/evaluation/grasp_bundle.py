@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from taxel.cli.printing import console, print_json, progress, say
-from taxel.errors import BadInput
+from taxel.errors import BadDataset, BadInput
 
 
 def evaluate_grasp_bundle(
@@ -74,6 +74,9 @@ def trained_on_warning(bundle: Path, files: Sequence[Path]) -> str | None:
     contract = read_grasp_contract(bundle)
     if contract.features in SLIP_COLUMNS:
         return None
-    pours = [read_camera_recording(file, least=1) for file in files]
+    try:
+        pours = [read_camera_recording(file, least=1) for file in files]
+    except BadDataset:  # no monitor is trained on such a one, and its grasps count for nothing
+        return None
     same = digest_of_all(pours) == contract.data_digest
     return trained_on_line([pour.name for pour in pours] if same else [], "recordings", known=True)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from taxel.cli.printing import console, say
-from taxel.plain_text import visible_line
+from taxel.plain_text import number_of, visible_line
 
 if TYPE_CHECKING:
     from taxel.live.station.station import Station
@@ -129,12 +129,22 @@ class EventLines:
         self._printer = printer
 
     def print_new(self, station: Station) -> bool:
-        """Print the events since the last call; return False where some still wait for room."""
+        """Print the events since the last call; return False where some still wait for room.
+
+        A station holds its latest events only: where some are gone before there was room, a line
+        says how many, and shows the alarms that there are, which else counted as shown.
+        """
         newest = station.events[-1][0] if station.events else 0
         if self._began_s is None:
             self._began_s = station.events[0][1] if station.events else monotonic()
         if newest == self._printed:
             return True
+        if (gone := station.events[0][0] - self._printed - 1) > 0:
+            texts = "; ".join(alarm.text for alarm in station.guard.alarms.alarms) or "none"
+            line = f"the terminal stood still: {number_of(gone, 'event')} left out; alarms: {texts}"
+            if not self._printer.say(Text(visible_line(line), "yellow")):
+                return False
+            self._printed += gone
         for number, time_s, text in station.events:
             if number <= self._printed:
                 continue
