@@ -208,6 +208,19 @@ def test_a_start_is_means_of_the_first_rows_that_were_measured():
                                    atol=1e-6)  # fmt: skip
 
 
+@pytest.mark.parametrize("shape", [(1100, 2), (40, 2048)])
+def test_a_start_is_of_first_rows_where_others_are_averaged_or_spaced(shape: tuple[int, int]):
+    rows = np.random.default_rng(2).normal(size=(1, *shape)).astype(np.float32)
+    mask = np.ones((1, shape[0]), bool)
+    mask[0, 30:] = False
+
+    found = compute_features(("start", "mean"), (0,) * shape[1], rows, mask)
+
+    first = found[0, : len(START_ROWS) * shape[1]].reshape(len(START_ROWS), -1)
+    np.testing.assert_allclose(first[0], rows[0, 0], atol=1e-6)
+    np.testing.assert_allclose(first[-1], rows[0, : START_ROWS[-1]].mean(axis=0), atol=1e-6)
+
+
 def test_a_distribution_is_quantiles_of_values_and_of_changes():
     """Of a ramp from 0 to 63: changes over 4 rows are all 4, over 16 rows 16; 64 have no room."""
     values = np.arange(64, dtype=np.float32)[None, :, None]

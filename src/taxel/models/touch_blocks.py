@@ -68,7 +68,11 @@ def _level(touch: Touch) -> Tensor:
 
 
 def _start(touch: Touch) -> Tensor:
-    """Means of the first rows: where channels drift, what they show before they do."""
+    """Means of the first rows: where channels drift, what they show before they do.
+
+    Args:
+        touch: The first rows of each window, as they are.
+    """
     parts = []
     for rows in START_ROWS:
         measured = touch.present[:, :rows]
@@ -204,6 +208,8 @@ def _correlation(touch: Touch) -> Tensor:
     return pairs[:, row, column]
 
 
+START = "start"
+"""The block that sees a window's first rows alone, neither averaged nor spaced."""
 BLOCKS: dict[str, tuple[Callable[[Touch], Tensor], int]] = {
     "rows": (_rows, 1),
     "centred": (_centred, 2),
@@ -211,7 +217,7 @@ BLOCKS: dict[str, tuple[Callable[[Touch], Tensor], int]] = {
     "statistics": (_statistics, 2),
     "level": (_level, 2),
     "tared": (_tared, 2),
-    "start": (_start, 2 * START_ROWS[-1]),
+    START: (_start, 2 * START_ROWS[-1]),
     "shape": (_shape, 3),
     "course": (_course, SEGMENTS),
     "parts": (_parts, 2),

@@ -22,6 +22,8 @@ from taxel.models.touch_blocks import (
     BLOCKS,
     FINE_BLOCKS,
     MOST_CORRELATED,
+    START,
+    START_ROWS,
     UNIT,
     is_of_grids,
     prefix_of,
@@ -74,11 +76,12 @@ class TouchFeatures(nn.Module):
             mask: Shape (n, steps); None where no row is padding.
         """
         steps, channels = (int(size) for size in values.shape[1:])  # no graph of sizes
+        head = None if mask is None else mask[:, : START_ROWS[-1]]
+        first = _touch_of(values[:, : START_ROWS[-1]], head)
         seen = steps if self._every_row else seen_rows(steps, channels)
         if seen < steps:
             values, mask = _spaced(values, mask, seen), None
-        present = None if mask is None else mask.unsqueeze(2).double()
-        fine = Touch(values.double() if present is None else values.double() * present, present)
+        fine = _touch_of(values, mask)
         plain = coarse(fine)
         seen_as: dict[str, Touch] = {}
         found = []
@@ -87,6 +90,7 @@ class TouchFeatures(nn.Module):
                 found.append(IMAGE_BLOCKS[name](plain, self._grids))
                 continue
             before, own = prefix_of(name), fine if name in FINE_BLOCKS else plain
+            own = first if name == START else own
             if before and before not in seen_as:
                 made = (self._standardised(plain.values) if before == UNIT
                         else imprints(plain.values, self._grids))  # fmt: skip
@@ -100,6 +104,13 @@ class TouchFeatures(nn.Module):
         apart = values - rounded(torch.matmul(values, self._mean)).index_select(2, self._pad)
         power = torch.matmul(apart.square(), self._mean)
         return apart / (power.sqrt() + TINY).index_select(2, self._pad)
+
+
+def _touch_of(values: Tensor, mask: Tensor | None) -> Touch:
+    if mask is None:
+        return Touch(values.double(), None)
+    present = mask.unsqueeze(2).double()
+    return Touch(values.double() * present, present)
 
 
 def pads_of(channels: tuple[str, ...]) -> tuple[int, ...]:
