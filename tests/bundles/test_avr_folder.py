@@ -2,12 +2,14 @@
 
 import errno
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from avr_rig import VOLTS, Trained
 
-from taxel.bundles.avr.emit import board_window, write_c
+from taxel.bundles.avr.emit import board_window, left_out, write_c
 from taxel.bundles.avr.measure import without_board
 from taxel.bundles.avr.write import reference_of, write_avr
 from taxel.bundles.reader import read_bundle
@@ -18,6 +20,7 @@ from taxel.models.cnn1d import Cnn1d
 from taxel.models.cnn2d import Cnn2d
 from taxel.signals import SensorInfo
 from taxel.training.loop import new_network
+from taxel.windows.reference import Reference
 
 
 def test_the_converters_reference_is_read_or_asked_for() -> None:
@@ -54,6 +57,31 @@ def test_without_an_emulator_the_report_says_what_to_install(
 
     assert report.clocks is None
     assert "apt install gcc-avr" in report.lines()[-1]
+
+
+def test_a_window_that_takes_longer_than_scans_can_wait_is_reported(
+    trained: Trained, tmp_path: Path
+) -> None:
+    """On the emulated sketch at 100 rows/s, windows of 20 rows lost a scan each."""
+    written = write_avr(trained.path, tmp_path, trained.data)
+    for rate_hz, stride, ms, slow in (
+        (100, 12, 42.5, False), (100, 6, 42.5, False), (100, 4, 42.5, True),
+        (100, 20, 71.6, True), (100, 20, 68.5, True), (200, 12, 42.5, True),
+    ):  # fmt: skip
+        report = replace(
+            written, row_hz=rate_hz, stride=stride, milliseconds=ms, clocks=1, ram_bytes=1,
+            flash_bytes=1, bit_exact=True,
+        )  # fmt: skip
+
+        assert ("too slow" in report.lines()[-1]) == slow
+
+
+def test_the_c_says_that_it_is_not_scaled_by_reference_touches(trained: Trained) -> None:
+    contract = trained.bundle.contract
+    reference = Reference(touches="object=cylinder-glass:3", level=np.ones(12, np.float32))
+
+    assert left_out(contract) == ""
+    assert "level of this bundle" in left_out(replace(contract, reference=reference))
 
 
 def test_writing_twice_gives_the_same_c(trained: Trained, tmp_path: Path) -> None:

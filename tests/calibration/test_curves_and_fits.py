@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxel.calibration.curves import Curve, Form
+from taxel.calibration.curves import FORMS, Curve, Form
 from taxel.calibration.figures_of_merit import quartiles
 from taxel.calibration.fitting import (
     NoCurve,
@@ -86,10 +86,20 @@ def test_the_form_is_chosen_that_made_the_presses(curve: Curve) -> None:
     assert choose_form(sensors)[0] == curve.form
 
 
+@pytest.mark.parametrize("curve", CURVES)
+def test_a_dead_sensor_does_not_choose_the_form_of_the_others(curve: Curve) -> None:
+    noise = np.random.default_rng(0).normal(0.0, 0.02, len(FORCES))
+    sound = (FORCES, curve.volts(FORCES) + noise)
+    dead = (FORCES, 0.02 - 0.001 * FORCES)  # what rises by no form, and is above 0 V
+
+    assert choose_form([sound, dead]) == choose_form([sound])
+
+
 def test_volts_that_fall_give_no_curve() -> None:
-    for form in ("line", "power"):
-        with pytest.raises(NoCurve):
-            fit_curve(form, FORCES, -FORCES)
+    for form in FORMS:
+        for rest_v in (0.0, 10.0):
+            with pytest.raises(NoCurve):
+                fit_curve(form, FORCES, rest_v - FORCES)
     with pytest.raises(NoCurve):
         fit_curve("line", FORCES[:4], FORCES[:4])  # one force only
 

@@ -43,11 +43,18 @@ def press(at_s: float, open_v: float) -> PressPower:
 
 
 def test_a_capacitor_fills_as_a_geometric_series_to_the_pads_open_voltage():
-    """Each press takes the same share off what is missing: V = V0 (1 − (1 − 2C/Cs)^n)."""
+    """Press and release each take the same share off what is missing, as two capacitors share
+    charge: V = V0 (1 − (Cs / (Cs + C))^2n)."""
     curve = capacitor_curve([press(5.0, 4.0)], 2.0, [0.0, 2.0, 20.0, 4000.0], CIRCUIT)
-    share = 1.0 - 2.0 * 200e-12 / 0.01e-6
+    share = (0.01e-6 / (0.01e-6 + 200e-12)) ** 2
     assert curve == pytest.approx([4.0 * (1 - share**n) for n in (1, 2, 11, 2001)], rel=1e-9)
     assert curve[-1] == pytest.approx(4.0, rel=1e-6)
+
+
+def test_a_storage_smaller_than_a_pad_is_not_charged_above_the_pads_voltage():
+    small = Circuit(capacitance_pf=200.0, storage_uf=1e-5, diode_v=0.5)
+    curve = capacitor_curve([press(0.0, 4.0)], 2.0, [0.0, 4000.0], small)
+    assert curve == pytest.approx([3.0 * (1 - (10 / 210) ** 2), 3.0], rel=1e-9)
 
 
 def test_diodes_are_never_charged_through():

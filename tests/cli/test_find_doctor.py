@@ -1,5 +1,6 @@
 """Claims about `taxel find` and `taxel doctor`: ready addresses, plain lines, honest exit codes."""
 
+import errno
 import json
 import os
 from pathlib import Path
@@ -220,6 +221,20 @@ def test_too_little_space_says_how_much_is_needed(tmp_path, monkeypatch):
 
     assert (check.ok, check.required) == (False, True)
     assert check.mend.startswith("free 1152921505 GB")
+
+
+def test_a_folder_that_takes_no_file_is_required_and_not_called_slow(tmp_path, monkeypatch, capsys):
+    def refused(**_: object) -> object:
+        raise OSError(errno.EDQUOT, "Disk quota exceeded")
+
+    monkeypatch.setattr(doctor.tempfile, "TemporaryFile", refused)
+
+    with pytest.raises(SystemExit) as ended:
+        main(["doctor", "--output", str(tmp_path)])
+
+    assert ended.value.code == 1
+    text = " ".join(capsys.readouterr().out.split())
+    assert "writing there: failed: disk quota exceeded; name another folder with --output" in text
 
 
 def test_devices_without_permission_are_named(tmp_path, monkeypatch):

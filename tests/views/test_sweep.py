@@ -57,6 +57,17 @@ def test_the_table_says_how_many_draws_are_pooled_and_where_little_is_answered()
     assert "dead, channels, 4 draws" in printed([BASE, dead[0]])
 
 
+def test_the_table_says_where_nothing_is_answered_also_after_accuracy_has_fallen():
+    damp = [replace(NOISE[2], fault="humidity", unit="% RH", level=30.0),
+            replace(SILENT, fault="humidity", unit="% RH", level=80.0)]  # fmt: skip
+
+    assert "humidity       30 % RH; at 80 % RH nothing is answered" in printed([BASE, *damp])
+
+    few = replace(damp[0], level=65.0, grasps_answered=0.2)
+    text = printed([BASE, damp[0], few, damp[1]], width=200)
+    assert "30 % RH; at 65 % RH only 20.0 % with an answer; at 80 % RH nothing is answered" in text
+
+
 def test_no_figure_is_cut_off_where_the_terminal_is_narrow():
     wide = replace(NOISE[0], fault="channel-drift", unit="% of full scale", accuracy=1.0, low=0.9,
                    high=1.0, level=50_000.5, draws=4, windows=166_012)  # fmt: skip

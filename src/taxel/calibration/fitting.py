@@ -56,9 +56,10 @@ def fit_curve(form: Form, force_n: Forces, volts: Volts) -> Curve:
             f"{number_of(len(force_n), 'press')} at {number_of(distinct(force_n), 'force')}"
         )
     try:
+        slope, offset = np.polyfit(force_n, volts, 1)
+        line = Curve(form="line", parameters=(float(offset), float(slope)))
         if form == "line":
-            slope, offset = np.polyfit(force_n, volts, 1)
-            return Curve(form=form, parameters=(float(offset), float(slope)))
+            return line
         found = _solve(form, _start(form, force_n, volts), force_n, volts)
         return Curve(form=form, parameters=tuple(map(float, np.exp(found))))
     except ValueError as error:
@@ -127,12 +128,16 @@ def choose_form(presses: Sequence[tuple[Forces, Volts]]) -> tuple[Form, dict[For
     """Return the form that fits all sensors best by AICc summed over them, and each one's sum.
 
     One form for an array: sensors of one make are alike, and a form chosen for each by
-    itself would follow its noise.
+    itself would follow its noise. Sensors whose volts do not rise have no form, so they
+    do not count.
     """
+    rising = [
+        (force_n, volts) for force_n, volts in presses if np.polyfit(force_n, volts, 1)[0] > 0
+    ]
     scores: dict[Form, float] = {}
     for form in FORMS:
         total = 0.0
-        for force_n, volts in presses:
+        for force_n, volts in rising:
             try:
                 curve = fit_curve(form, force_n, volts)
             except NoCurve:

@@ -125,7 +125,8 @@ def capacitor_curve(
 
     Each pad has a bridge of its own. A press pushes its charge, and its release the same charge
     the other way; a pad at open voltage V0 gives the share 1 − (V + 2 · diode) / V0 of it to a
-    storage at V, and nothing above V0 − 2 · diode. The presses are repeated, period after period.
+    storage that then stands at V, and nothing above V0 − 2 · diode. The presses are repeated,
+    period after period.
     Source: balance of charge between two capacitors; docs/decisions/0047.
 
     Args:
@@ -142,6 +143,7 @@ def capacitor_curve(
     if at_s[-1] / period_s * len(presses) > _MOST_STEPS:
         raise ValueError(f"needed at most {_MOST_STEPS:,} presses; got more")
     begin_s = presses[0].at_s
+    kept = circuit.storage_uf / (circuit.storage_uf + circuit.capacitance_pf * 1e-6)
     storage_v, number, curve = 0.0, 0, []
     for moment_s in at_s:
         while True:
@@ -149,8 +151,9 @@ def capacitor_curve(
             press = presses[place]
             if turn * period_s + press.at_s - begin_s > moment_s:
                 break
-            left = 1.0 - (storage_v + 2.0 * circuit.diode_v) / press.open_v
-            storage_v += max(left, 0.0) * 2.0 * press.charge_nc * 1e-3 / circuit.storage_uf
+            full_v = press.open_v - 2.0 * circuit.diode_v
+            if full_v > storage_v:
+                storage_v = full_v - (full_v - storage_v) * kept**2  # press and release
             number += 1
         curve.append(storage_v)
     return np.array(curve)

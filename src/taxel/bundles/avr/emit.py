@@ -99,9 +99,17 @@ def board_window(contract: Contract, converter: Converter, full_scale: float | N
 
 def left_out(contract: Contract) -> str:
     """Return what the bundle does but the board's C leaves out; empty for nothing."""
-    if contract.unknown is None:
-        return ""
-    return "the bundle's test for novel touch; on the board only a low confidence gives UNKNOWN"
+    lacking = []
+    if contract.reference is not None:
+        lacking.append(
+            "scaling by each session's reference touches, with which accuracy is measured; the "
+            "board keeps the level of this bundle"
+        )
+    if contract.unknown is not None:
+        lacking.append(
+            "the bundle's test for novel touch; on the board only a low confidence gives UNKNOWN"
+        )
+    return "; and ".join(lacking)
 
 
 def write_c(

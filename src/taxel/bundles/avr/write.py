@@ -37,6 +37,14 @@ from taxel.windows.dataset import Dataset
 _EMULATED = 8
 """Windows that the report runs on the emulated board."""
 REPORT = "avr_report.json"
+_WAITING = 7
+"""The scan that is complete so many rows after a window's last is lost if the window is not yet
+classified. Source: WAITING in firmware/teng_classify/classify_board.c, one of which is classified.
+"""
+_BESIDE = 1.05
+"""A window takes so much longer beside the interrupts that read the sensors. Our choice,
+docs/decisions/0021.
+"""
 _LARGEST_MV = 10_000
 """No converter of a board compares with more, millivolts."""
 
@@ -74,8 +82,12 @@ class AvrReport:
     """The same at 16 MHz."""
     bit_exact: bool | None
     """Whether the emulated board gave the reference's numbers."""
+    row_hz: int
+    """Rows a second."""
+    stride: int
+    """Rows from one window to the next."""
     unmeasured: str
-    """Why the last five are None; empty where they are not."""
+    """Why flash_bytes to bit_exact are None; empty where they are not."""
     left_out: str
     """What the bundle does and the board does not; empty where there is no such thing."""
 
@@ -83,6 +95,11 @@ class AvrReport:
     def points_lost(self) -> float:
         """Accuracy lost against floating point, percentage points; below 0 where it gained."""
         return 100.0 * (self.float_accuracy - self.integer_accuracy)
+
+    @property
+    def allowed_ms(self) -> float:
+        """How long a window may take on the board alone before it loses scans, milliseconds."""
+        return 1000.0 * min(self.stride, _WAITING) / self.row_hz / _BESIDE
 
     def lines(self) -> list[str]:
         """Return the report for a person."""
@@ -99,13 +116,21 @@ class AvrReport:
             found.append(f"left out: {self.left_out}")
         if self.milliseconds is None:
             return [*found, f"flash, RAM and clocks unknown ({self.unmeasured})"]
-        return [
-            *found,
+        found.append(
             f"emulated ATmega2560: {self.milliseconds:.1f} ms a window at 16 MHz "
             f"({self.clocks:,} clocks), {self.ram_bytes:,} bytes of RAM with the stack, "
             f"{self.flash_bytes:,} of flash; "
-            + ("answers as the reference's, bit for bit" if self.bit_exact else "ANSWERS DIFFER"),
-        ]
+            + ("answers as the reference's, bit for bit" if self.bit_exact else "ANSWERS DIFFER")
+        )
+        if self.milliseconds > self.allowed_ms:
+            found.append(
+                f"warning: too slow for {self.row_hz} rows/s with a stride of {self.stride}: a "
+                f"window may take {self.allowed_ms:.0f} ms, then the board loses scans, and the "
+                "windows that they belong to; train with "
+                + ("a longer stride, " if self.stride < _WAITING else "")
+                + "fewer rows or a lower grid"
+            )
+        return found
 
 
 def write_avr(
@@ -239,6 +264,8 @@ def _report(
         clocks=int(board.clocks.max()) if board else None,
         milliseconds=board.milliseconds if board else None,
         bit_exact=bool(equal_windows(board.answers, emulated).all()) if board else None,
+        row_hz=round(contract.window.grid_hz or contract.rate_hz),
+        stride=contract.window.stride,
         unmeasured=missing,
         left_out=left_out(contract),
     )

@@ -14,7 +14,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from taxel.evaluation.robustness.curve import FALL, FaultPoint, fall_text, level_text
+from taxel.evaluation.robustness.curve import FALL, FaultPoint, fall_text, level_text, reached
 from taxel.plain_text import visible_line
 from taxel.views.tables.results import bracketed
 
@@ -76,13 +76,18 @@ def _falls(points: Sequence[FaultPoint]) -> list[Text]:
 
 
 def _silence(own: Sequence[FaultPoint], base: FaultPoint) -> str:
-    """Return from which level on less than half is answered of what is without the fault."""
+    """Return from which level on less than half is answered of what is without the fault, and
+    from which on nothing, where `fall_text` does not say that.
+    """
     few = [point for point in own if point.grasps_answered < base.grasps_answered / 2]
-    if not few or math.isnan(few[0].accuracy):  # that nothing is answered is said already
-        return ""
-    first = few[0]
-    level = level_text(first.level, first.unit)
-    return f"; at {level} only {_percent(first.grasps_answered)} with an answer"
+    silent = [point for point in few if math.isnan(point.accuracy)]
+    words = ""
+    if few and few[0] not in silent:
+        level = level_text(few[0].level, few[0].unit)
+        words = f"; at {level} only {_percent(few[0].grasps_answered)} with an answer"
+    if silent and reached(own, base.accuracy) is not None:
+        words += f"; at {level_text(silent[0].level, silent[0].unit)} nothing is answered"
+    return words
 
 
 def _notes(points: Sequence[FaultPoint], cameras: bool) -> list[Text]:
