@@ -59,6 +59,22 @@ def test_a_single_pressed_pad_is_compared_with_none_and_no_converter_is_blamed()
     assert line.endswith(" N: fewer than two channels to compare")
 
 
+def test_a_sensor_far_off_is_not_counted_as_alike_and_large_spreads_are_whole_numbers() -> None:
+    pair = a_pair((0, 1))
+
+    def line(spread_pct: float, range_pct: float, outliers: list[str]) -> str:
+        alike = {"at": "9 N", "at_least": [False, False], "spread_pct": spread_pct,
+                 "range_pct": range_pct, "outliers": outliers}  # fmt: skip
+        found = findings({**pair, "at_one_force": alike})
+        return next(text for text in found if text.startswith("at 9 N"))
+
+    assert line(8.61, 24.2, ["b"]) == (
+        "at 9 N: channels alike within 8.6 % (standard deviation), 24 % from lowest to highest; "
+        "far off, not counted: b"
+    )
+    assert "66 % (standard deviation), 132 % from lowest to highest; none" in line(66.0, 132.0, [])
+
+
 def test_presses_under_the_wrong_name_get_a_warning_for_each_sensor() -> None:
     warnings = [line for line in lines_about_a_pair((1, 0)) if line.startswith("warning")]
 

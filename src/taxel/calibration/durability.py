@@ -23,8 +23,8 @@ our choice, docs/decisions/0047."""
 FEWEST = 20
 """Taps from which a channel is reported, and from which a trend is. Our choice, 0047."""
 WIDEST = 2.0
-"""Widest 95 % interval with which a loss is stated: from few taps a trend says nothing about so
-many. Our choice, docs/decisions/0047."""
+"""Widest 95 % interval with which a loss is stated, as wide as it would be without wear: from few
+taps a trend says nothing about so many. Our choice, docs/decisions/0047."""
 _LARGEST = 100.0
 """Exponent beyond which a gain is no pad's, and too wide whatever follows. Our choice, 0047."""
 _FEWEST_AT_RATE = 5
@@ -140,7 +140,9 @@ def _trend(number: Array, height: Array) -> tuple[float, float, Interval]:
     error = math.sqrt(float(off @ off) / (len(number) - 2) / float(middle @ middle))
     ends = np.exp(logs.mean() + slope * middle[[0, -1]])
     up, between, down = (STATED_FOR * (slope + sign * 1.96 * error) for sign in (1, 0, -1))
-    if up > _LARGEST or math.exp(up) - math.exp(down) > WIDEST:
+    # Judged without the trend itself: near a loss of all, even the widest interval looks narrow,
+    # so that few taps would state only the losses that chance made too large.
+    if up > _LARGEST or up - between > math.asinh(WIDEST / 2.0):
         return float(ends[0]), float(ends[1]), (nan, nan, nan)
     lost = (1.0 - math.exp(between), 1.0 - math.exp(up), 1.0 - math.exp(down))
     return float(ends[0]), float(ends[1]), lost

@@ -279,11 +279,15 @@ def _uniform(result: Mapping[str, Any]) -> str:
             "nothing to compare"
         )
     text = (
-        f"at {result['at']}: channels alike within {result['spread_pct']:.2g} % (standard "
-        f"deviation), {result['range_pct']:.2g} % from lowest to highest"
+        f"at {result['at']}: channels alike within {_two_digits(result['spread_pct'])} % (standard "
+        f"deviation), {_two_digits(result['range_pct'])} % from lowest to highest"
     )
     far = ", ".join(f"{name}" for name in result["outliers"])
-    return text + (f"; far off: {far}" if far else "; none far off")
+    return text + (f"; far off, not counted: {far}" if far else "; none far off")
+
+
+def _two_digits(number: float) -> str:
+    return f"{number:.0f}" if number >= 100 else f"{number:.2g}"
 
 
 def _figure(png: bytes, caption: str) -> str:
