@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taxel.bench.faults.hostile_files import members_of, sealed, zipped
 from taxel.bundles import model_trial
 from taxel.bundles.contract import Contract, contract_from_json, contract_to_json
 from taxel.bundles.reader import read_bundle
@@ -89,6 +90,18 @@ def test_a_file_cut_short_is_refused(path: Path, size: int) -> None:
     path.write_bytes(path.read_bytes()[:size])
 
     with pytest.raises(BadBundle):
+        read_bundle(path)
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf")])
+def test_check_windows_that_are_no_numbers_are_refused(path: Path, number: float) -> None:
+    """NumPy printed a warning about the arithmetic, and then all probabilities differed."""
+    members = members_of(path)
+    content = members["check_values.npy"]
+    members["check_values.npy"] = content[:-4] + np.float32(number).tobytes()
+    path.write_bytes(sealed(zipped(members)))
+
+    with pytest.raises(BadBundle, match="check values that are numbers"):
         read_bundle(path)
 
 

@@ -159,7 +159,7 @@ def _check_shapes(
     """Refuse check windows that are not the contract's.
 
     Raises:
-        BadBundle: A shape or kind of number is another.
+        BadBundle: A shape or kind of number is another, or a value is no number.
     """
     n = len(values) if values.ndim else 0
     window = (n, contract.window.steps, len(contract.channels))
@@ -168,3 +168,6 @@ def _check_shapes(
     for name, array, shape, kind in wanted:
         if not n or array.shape != shape or array.dtype.kind != kind or array.dtype.itemsize > 4:
             raise other_windows(name, shape, array)
+    if not np.isfinite(values).all():
+        raise BadBundle("check values that are numbers", "others among them",
+                        "write the bundle again with taxel bundle")  # fmt: skip
