@@ -196,9 +196,7 @@ class ForeignEpisode:
         if isinstance(named, dict) and len(named) == 1:  # as {"motors": […]}
             (named,) = named.values()
         names = tuple(map(str, named)) if isinstance(named, list) else ()
-        if (
-            len(names) != width or len({*names, ""}) != width + 1
-        ):  # channels have names of their own
+        if len(names) != width or len({*names, ""}) != width + 1:  # none empty, none twice
             names = tuple(f"{i}" for i in range(width))
         return SensorInfo(
             name="state", channels=names, units=("",) * width,
